@@ -1,0 +1,19 @@
+"""Python package of rbpf_svgp_slam; run by catkin_python_setup(), not by hand."""
+
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import setup
+
+setup(
+    **generate_distutils_setup(
+        packages=[
+            "rbpf_svgp_slam",
+            "rbpf_svgp_slam.evaluation",
+            "rbpf_svgp_slam.maps",
+            "rbpf_svgp_slam.ros",
+            "rbpf_svgp_slam.survey",
+            "rbpf_svgp_slam.svgp",
+        ],
+        package_dir={"": "src"},
+        package_data={"rbpf_svgp_slam.evaluation": ["*.j2"]},
+    )
+)

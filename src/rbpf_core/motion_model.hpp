@@ -1,0 +1,47 @@
+// Motion of the vehicle between two odometry messages, and of the particles with it.
+#pragma once
+
+#include "rbpf_core/random.hpp"
+#include "rbpf_core/types.hpp"
+
+namespace rbpf_core {
+
+// Process noise, standard deviations per square root of a second: the variance grows with time,
+// whatever the odometry's rate.
+struct MotionNoise {
+  double surge_std_m = 0.05;    // m/sqrt(s), along the vehicle
+  double sway_std_m = 0.05;     // m/sqrt(s), across the vehicle
+  double yaw_std_rad = 0.001;   // rad/sqrt(s)
+};
+
+// What the odometry says of one interval, in the levelled body frame at its start.
+struct MotionIncrement {
+  double duration_s = 0.0;
+  double forward_m = 0.0;
+  double left_m = 0.0;
+  double yaw_rad = 0.0;
+};
+
+// Turns a vector of the body frame into the levelled body frame (roll, then pitch; yaw is left out).
+Eigen::Matrix3d levelRotation(double roll_rad, double pitch_rad);
+
+// Euler integration over [from, to] of the mean of both messages' body twists, levelled with their
+// attitudes. Throws std::invalid_argument if `to` is not later than `from`.
+MotionIncrement motionBetween(const Odometry& from, const Odometry& to);
+
+// The increment laid at the pose's end, without noise: dead reckoning. The heading halfway through
+// the interval is used, so that turns at a low odometry rate do not bend the track.
+Pose2 advance(const Pose2& pose, const MotionIncrement& motion);
+
+// The same with noise of variance std^2 * duration in surge, sway and yaw.
+Pose2 advanceNoisily(const Pose2& pose, const MotionIncrement& motion, const MotionNoise& noise,
+                     RandomStream& stream);
+
+// Angle in (-pi, pi].
+double wrapAngle(double angle_rad);
+
+// Pose at `share` of the way from a to b, 0 .. 1; the yaw takes the shorter way round.
+Pose2 interpolate(const Pose2& a, const Pose2& b, double share);
+Attitude interpolate(const Attitude& a, const Attitude& b, double share);
+
+}  // namespace rbpf_core

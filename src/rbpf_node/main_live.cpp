@@ -1,0 +1,41 @@
+// rbpf_core: the live node.
+#include <ros/ros.h>
+#include <tf2_ros/transform_listener.h>
+
+#include <cstdlib>
+#include <thread>
+
+#include "rbpf_node/node.hpp"
+#include "rbpf_node/spinning.hpp"
+
+namespace {
+
+constexpr std::uint32_t kInputQueue = 10000;  // messages; a busy moment must lose nothing
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "rbpf_core");
+  try {
+    // Input has a thread of its own: it never waits for services, publications or the map nodes.
+    rbpf_node::Spinning spinning;
+    const auto params = rbpf_node::loadParameters(spinning.node());
+    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
+    const tf2_ros::TransformListener listener(slam.transforms());
+    ros::NodeHandle input = spinning.inputNode();
+    const auto odometry = input.subscribe("odom", kInputQueue,
+                                          &rbpf_node::SlamNode::handleOdometry, &slam);
+    const auto pings = input.subscribe("mbes/pings", kInputQueue,
+                                       &rbpf_node::SlamNode::handlePing, &slam);
+    spinning.start(params.nodes);
+    while (ros::ok()) {
+      slam.loopClosureLoop().promptIfDue();
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    spinning.stop();
+  } catch (const std::exception& error) {
+    ROS_FATAL("%s", error.what());
+    return EXIT_FAILURE;
+  }
+  return EXIT_SUCCESS;
+}

@@ -1,0 +1,30 @@
+// rbpf_offline: the live node's handlers, fed from a bag without loss. Runs under the live node's
+// name, so that map nodes and recorder find it where they always do, and stays until shut down.
+#include <ros/ros.h>
+
+#include <cstdlib>
+
+#include "rbpf_node/node.hpp"
+#include "rbpf_node/offline_replay.hpp"
+#include "rbpf_node/spinning.hpp"
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "rbpf_core");
+  try {
+    rbpf_node::Spinning spinning;
+    const auto params = rbpf_node::loadParameters(spinning.node());
+    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
+    spinning.start(params.nodes);
+    ros::NodeHandle& own = spinning.privateNode();
+    rbpf_node::replayOffline(
+        own.param<std::string>("bag", ""),
+        {own.param<std::string>("odom_topic", "/odom"), own.param<std::string>("ping_topic", "/mbes/pings")},
+        params, &slam);
+    own.setParam("replay_finished", true);  // the recorder waits for this
+    ros::waitForShutdown();
+  } catch (const std::exception& error) {
+    ROS_FATAL("%s", error.what());
+    return EXIT_FAILURE;
+  }
+  return EXIT_SUCCESS;
+}

@@ -1,0 +1,66 @@
+// The SLAM node: messages in, filter, loop closing, messages out. The live node and the offline
+// replay hand their messages to the same handlers.
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/callback_queue.h>
+#include <ros/node_handle.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <std_srvs/Trigger.h>
+#include <tf2_ros/buffer.h>
+
+#include <deque>
+#include <mutex>
+
+#include "rbpf_node/loop_closure_loop.hpp"
+#include "rbpf_node/publishers.hpp"
+#include "rbpf_node/services.hpp"
+
+namespace rbpf_node {
+
+class SlamNode {
+ public:
+  // Timers go on `node`'s callback queue, services on `private_node`'s.
+  SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params);
+
+  void handleOdometry(const nav_msgs::Odometry::ConstPtr& message);
+  void handlePing(const sensor_msgs::PointCloud2::ConstPtr& message);
+
+  tf2_ros::Buffer& transforms() { return transforms_; }
+  LoopClosureLoop& loopClosureLoop() { return loop_; }
+  const Services& services() const { return services_; }
+
+  // Whether no ping waits for its sensor's mount.
+  bool allPingsHandedOn() const;
+
+ private:
+  void handOnPings();
+  bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  void countGap(std::uint32_t seq);
+  void publishOverview();
+  rbpf_svgp_slam::FilterStatus status() const;
+  void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const;
+  void diagnoseFilter(diagnostic_updater::DiagnosticStatusWrapper& report) const;
+  void diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const;
+
+  const Parameters params_;
+  rbpf_core::ParticleFilter filter_;
+  MapNodes maps_;
+  LoopClosureLoop loop_;
+  Services services_;
+  Publishers publishers_;
+  tf2_ros::Buffer transforms_;
+  diagnostic_updater::Updater diagnostics_;
+  ros::ServiceServer finish_server_;
+  ros::WallTimer overview_timer_;
+
+  mutable std::mutex mutex_;  // guards what follows
+  std::deque<sensor_msgs::PointCloud2::ConstPtr> pings_without_mount_;
+  ros::Time last_odometry_;
+  std::uint32_t last_seq_ = 0;
+  std::uint64_t pings_missed_ = 0;    // gaps in header.seq, and pings whose sensor's mount never came
+  std::uint64_t pings_malformed_ = 0;
+};
+
+}  // namespace rbpf_node

@@ -1,0 +1,64 @@
+// The same service on several nodes at once, with a deadline.
+#pragma once
+
+#include <ros/service.h>
+
+#include <chrono>
+#include <future>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace rbpf_node {
+
+// One answer of a parallel call: empty error on success.
+template <typename Service>
+struct Answer {
+  typename Service::Response response;
+  std::string error;
+};
+
+// Calls names[k] with requests[k], all at the same time. roscpp's calls have no timeout: one that
+// has not come back by the deadline is left to its thread, which ends with the connection.
+template <typename Service>
+std::vector<Answer<Service>> callAll(const std::vector<std::string>& names,
+                                     const std::vector<typename Service::Request>& requests,
+                                     double timeout_s) {
+  std::vector<std::future<Answer<Service>>> pending;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    std::packaged_task<Answer<Service>()> task([name = names[k], request = requests[k]] {
+      Service call;
+      call.request = request;
+      if (!ros::service::call(name, call)) return Answer<Service>{{}, name + " cannot be reached"};
+      if (!call.response.success) return Answer<Service>{{}, name + ": " + call.response.message};
+      return Answer<Service>{std::move(call.response), ""};
+    });
+    pending.push_back(task.get_future());
+    std::thread(std::move(task)).detach();
+  }
+  const auto deadline =
+      std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
+  std::vector<Answer<Service>> answers;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    const bool came = pending[k].wait_until(deadline) == std::future_status::ready;
+    answers.push_back(came ? pending[k].get()
+                           : Answer<Service>{{}, names[k] + " did not answer within " +
+                                                     std::to_string(timeout_s) + " s"});
+  }
+  return answers;
+}
+
+// The answers' errors, joined; empty if all went well.
+template <typename Service>
+std::string errorsOf(const std::vector<Answer<Service>>& answers) {
+  std::string errors;
+  for (const Answer<Service>& answer : answers) {
+    if (answer.error.empty()) continue;
+    errors += (errors.empty() ? "" : "; ") + answer.error;
+  }
+  return errors;
+}
+
+}  // namespace rbpf_node

@@ -1,0 +1,115 @@
+#include "rbpf_node/parameters.hpp"
+
+#include <algorithm>
+
+#include "rbpf_node/parameter_reader.hpp"
+
+namespace rbpf_node {
+
+namespace {
+
+// Centre of the survey area's bounding box: coordinates on the wire count from here.
+rbpf_core::Origin surveyOrigin(ParameterReader& reader) {
+  const auto area = reader.points("survey_area");
+  if (area.size() < 3) {
+    ParameterReader::fail("survey_area", "a list of " + std::to_string(area.size()) + " points",
+                          "a polygon [[x, y], ...] in map, m, of at least 3 points: the seabed to be mapped");
+  }
+  const auto [west, east] = std::minmax_element(
+      area.begin(), area.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  const auto [south, north] = std::minmax_element(
+      area.begin(), area.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  return {0.5 * (west->first + east->first), 0.5 * (south->second + north->second)};
+}
+
+std::optional<rbpf_core::Pose2> startPose(ParameterReader& reader) {
+  const std::vector<double> pose = reader.numbers("start/pose");
+  if (pose.empty()) return std::nullopt;
+  if (pose.size() != 3) {
+    ParameterReader::fail("start/pose", "a list of " + std::to_string(pose.size()) + " numbers",
+                          "[x, y, yaw] in m and rad, or []");
+  }
+  return rbpf_core::Pose2{pose[0], pose[1], pose[2]};
+}
+
+rbpf_core::PingFilterParams pingFilter(ParameterReader& reader) {
+  rbpf_core::PingFilterParams params;
+  params.min_range_m = reader.number("pings/min_range_m", 0.0, kUnlimited);
+  params.max_range_m = reader.number("pings/max_range_m", params.min_range_m, kUnlimited);
+  params.outlier_window = static_cast<int>(reader.integer("pings/outlier_window", 0, 1001));
+  if (params.outlier_window != 0 && params.outlier_window % 2 == 0) {
+    ParameterReader::fail("pings/outlier_window", std::to_string(params.outlier_window),
+                          "an odd number of beams, or 0");
+  }
+  params.outlier_threshold = reader.number("pings/outlier_threshold", 1.0, kUnlimited);
+  return params;
+}
+
+rbpf_core::FilterParams filter(ParameterReader& reader) {
+  rbpf_core::FilterParams params;
+  params.particles = static_cast<std::size_t>(reader.integer("particles", 1, 100000));
+  params.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2147483647));
+  params.start_pose = startPose(reader);
+  params.start_position_std_m = reader.number("start/position_std_m", 0.0, kUnlimited);
+  params.start_yaw_std_rad = reader.number("start/yaw_std_rad", 0.0, kUnlimited);
+  params.motion.surge_std_m = reader.number("motion/surge_std_m", 0.0, kUnlimited);
+  params.motion.sway_std_m = reader.number("motion/sway_std_m", 0.0, kUnlimited);
+  params.motion.yaw_std_rad = reader.number("motion/yaw_std_rad", 0.0, kUnlimited);
+  params.pings = pingFilter(reader);
+  params.ping_queue = static_cast<std::size_t>(reader.integer("pings/queue", 1, 1000000));
+  params.hold_back_s = reader.number("mapping/hold_back_s", 0.0, kUnlimited);
+  params.holdout = reader.number("evaluation/holdout", 0.0, 0.5);
+  params.origin = surveyOrigin(reader);
+  return params;
+}
+
+rbpf_core::LoopClosureParams loopClosure(ParameterReader& reader) {
+  rbpf_core::LoopClosureParams params;
+  params.rule = reader.choice("lc/weights", {"product", "robust"}) == "product"
+                    ? rbpf_core::WeightRule::kProduct
+                    : rbpf_core::WeightRule::kRobust;
+  params.noise_std_m = reader.number("lc/noise_std_m", 1e-3, kUnlimited);
+  params.tempering = reader.number("lc/tempering", 0.0, 1.0);
+  params.min_n_eff_share = reader.number("lc/min_n_eff_share", 0.0, 1.0);
+  params.effective_beams = reader.number("lc/effective_beams", 0.0, kUnlimited);
+  params.student_t_dof = reader.number("lc/student_t_dof", 1.0, kUnlimited);
+  params.min_overlap = reader.number("lc/min_overlap", 1e-3, 1.0);
+  params.mapped_variance = reader.number("lc/mapped_variance", 0.0, 2.0);
+  params.veto_sigma = reader.number("lc/veto_sigma", 0.0, kUnlimited);
+  return params;
+}
+
+}  // namespace
+
+Parameters loadParameters(const ros::NodeHandle& node) {
+  XmlRpc::XmlRpcValue tree;
+  if (!node.getParam("rbpf_svgp_slam", tree)) {
+    ParameterReader::fail(node.resolveName("rbpf_svgp_slam"), "missing",
+                          "config/default.yaml to be loaded there");
+  }
+  ParameterReader reader(tree);
+  Parameters params;
+  params.nodes = static_cast<std::size_t>(reader.integer("nodes", 1, 1000));
+  params.frames = {reader.text("frames/map"), reader.text("frames/odom"),
+                   reader.text("frames/base")};
+  params.odometry_gap_s = reader.number("odometry/gap_s", 0.0, kUnlimited);
+  params.filter = filter(reader);
+  params.loop_closure = loopClosure(reader);
+  params.loop_closure_rate_hz = reader.number("lc/rate_hz", 0.0, 100.0);
+  params.loop_closure_timeout_s = reader.number("lc/timeout_s", 0.1, kUnlimited);
+  params.resampling_threshold = reader.number("resampling/threshold", 0.0, 1.0);
+  params.resampling_timeout_s = reader.number("resampling/timeout_s", 0.1, kUnlimited);
+  params.offline_steps_per_second = reader.number("offline/steps_per_second", 0.0, kUnlimited);
+  params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
+  params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
+  reader.number("output/final_training_s", 0.0, kUnlimited);  // the recorder's
+  if (params.nodes > params.filter.particles) {
+    ParameterReader::fail("nodes", std::to_string(params.nodes),
+                          "at most one for each of the " +
+                              std::to_string(params.filter.particles) + " particles");
+  }
+  reader.refuseUnknown({"svgp", "map"});
+  return params;
+}
+
+}  // namespace rbpf_node

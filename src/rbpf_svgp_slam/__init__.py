@@ -1,0 +1,1 @@
+"""Bathymetric SLAM: a Rao-Blackwellized particle filter over Gaussian-process maps."""
