@@ -86,8 +86,8 @@ PingLikelihood robustLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction&
   result.best_innovation = std::sqrt(least_innovation2);
   result.outcome = result.best_innovation > params.veto_sigma ? PromptOutcome::kVetoed
                                                               : PromptOutcome::kWeighted;
-  result.log_likelihood = params.effective_beams * result.overlap *
-                          (votes >= enough_votes).select(mean_log, *middle);
+  result.log_likelihood =
+      params.effective_beams * result.overlap * (votes >= enough_votes).select(mean_log, *middle);
   return result;
 }
 
@@ -112,8 +112,8 @@ WeightUpdate updateWeights(const Eigen::ArrayXd& log_weights, const Eigen::Array
     return effectiveParticles(tempered(log_weights, log_likelihood, t));
   };
   if (params.rule == WeightRule::kRobust) {
-    const double target = std::min(
-        params.min_n_eff_share * static_cast<double>(log_weights.size()), nEff(0.0));
+    const double target =
+        std::min(params.min_n_eff_share * static_cast<double>(log_weights.size()), nEff(0.0));
     if (nEff(tau) < target) {
       double kept = 0.0;
       for (int i = 0; i < kBisections; ++i) {

@@ -10,23 +10,26 @@ enum class WeightRule { kProduct, kRobust };
 
 struct LoopClosureParams {
   WeightRule rule = WeightRule::kRobust;
-  double noise_std_m = 0.3;       // sqrt(Q): sonar noise and what the map does not model
-  double tempering = 1.0;         // tau, exponent of a prompt's likelihood; 1 is the paper's
-  double min_n_eff_share = 0.25;  // tau is lowered so that N_eff stays above this share of J; robust rule only
+  double noise_std_m = 0.3;  // sqrt(Q): sonar noise and what the map does not model
+  double tempering = 1.0;    // tau, exponent of a prompt's likelihood; 1 is the paper's
+  double min_n_eff_share =
+      0.25;  // tau is lowered so that N_eff stays above this share of J; robust rule only
   // robust rule only:
   double effective_beams = 30.0;  // beams of a ping are not independent: it counts as this many
   double student_t_dof = 4.0;     // degrees of freedom of a beam's likelihood
-  double min_overlap = 0.3;       // share of (beam, particle) pairs over mapped seabed below which nothing is said
+  double min_overlap =
+      0.3;  // share of (beam, particle) pairs over mapped seabed below which nothing is said
   double mapped_variance = 0.25;  // mapped: latent variance below this share of the prior's
-  double veto_sigma = 4.0;        // RMS normalised innovation of the best particle above which no map explains the ping
+  double veto_sigma =
+      4.0;  // RMS normalised innovation of the best particle above which no map explains the ping
 };
 
 // The maps' predictions of one ping, row j by particle j's map at its own beam positions, latent
 // (noise not included).
 struct PingPrediction {
-  Eigen::ArrayXXd mean_m;           // [J, n]
-  Eigen::ArrayXXd variance_m2;      // [J, n]
-  Eigen::ArrayXd prior_variance_m2; // [J]
+  Eigen::ArrayXXd mean_m;            // [J, n]
+  Eigen::ArrayXXd variance_m2;       // [J, n]
+  Eigen::ArrayXd prior_variance_m2;  // [J]
 };
 
 enum class PromptOutcome { kWeighted, kLittleOverlap, kVetoed };
@@ -49,8 +52,8 @@ struct WeightUpdate {
   double tempering = 1.0;      // tau that was used
 };
 
-// log w += tau log likelihood. Robust rule: with the largest tau, up to params.tempering, that keeps
-// N_eff at params.min_n_eff_share * J (or where it was, if that is lower).
+// log w += tau log likelihood. Robust rule: with the largest tau, up to params.tempering, that
+// keeps N_eff at params.min_n_eff_share * J (or where it was, if that is lower).
 WeightUpdate updateWeights(const Eigen::ArrayXd& log_weights, const Eigen::ArrayXd& log_likelihood,
                            const LoopClosureParams& params);
 

@@ -19,9 +19,9 @@ LevelledTwist level(const Odometry& odometry) {
   const double roll = odometry.attitude.roll_rad;
   const double pitch = odometry.attitude.pitch_rad;
   // d yaw / dt = (q sin(roll) + r cos(roll)) / cos(pitch)
-  const double yaw_rate = (odometry.angular_radps.y() * std::sin(roll) +
-                           odometry.angular_radps.z() * std::cos(roll)) /
-                          std::cos(pitch);
+  const double yaw_rate =
+      (odometry.angular_radps.y() * std::sin(roll) + odometry.angular_radps.z() * std::cos(roll)) /
+      std::cos(pitch);
   return {levelRotation(roll, pitch) * odometry.linear_mps, yaw_rate};
 }
 

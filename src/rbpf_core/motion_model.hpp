@@ -9,9 +9,9 @@ namespace rbpf_core {
 // Process noise, standard deviations per square root of a second: the variance grows with time,
 // whatever the odometry's rate.
 struct MotionNoise {
-  double surge_std_m = 0.05;    // m/sqrt(s), along the vehicle
-  double sway_std_m = 0.05;     // m/sqrt(s), across the vehicle
-  double yaw_std_rad = 0.001;   // rad/sqrt(s)
+  double surge_std_m = 0.05;   // m/sqrt(s), along the vehicle
+  double sway_std_m = 0.05;    // m/sqrt(s), across the vehicle
+  double yaw_std_rad = 0.001;  // rad/sqrt(s)
 };
 
 // What the odometry says of one interval, in the levelled body frame at its start.
@@ -22,7 +22,8 @@ struct MotionIncrement {
   double yaw_rad = 0.0;
 };
 
-// Turns a vector of the body frame into the levelled body frame (roll, then pitch; yaw is left out).
+// Turns a vector of the body frame into the levelled body frame (roll, then pitch; yaw is left
+// out).
 Eigen::Matrix3d levelRotation(double roll_rad, double pitch_rad);
 
 // Euler integration over [from, to] of the mean of both messages' body twists, levelled with their

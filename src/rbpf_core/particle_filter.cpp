@@ -12,7 +12,8 @@ namespace rbpf_core {
 
 namespace {
 
-constexpr double kRecent_s = 10.0;  // a ping may come this much later than the odometry of its stamp
+constexpr double kRecent_s =
+    10.0;  // a ping may come this much later than the odometry of its stamp
 
 bool isFinite(const Odometry& odometry) {
   const Attitude& a = odometry.attitude;
@@ -108,8 +109,9 @@ std::string ParticleFilter::addPing(Ping ping) {
   const double oldest_s = waiting_.begin()->first;
   waiting_.erase(waiting_.begin());
   ++counters_.pings_dropped;
-  return "ping of stamp " + std::to_string(oldest_s) + " s dropped: " +
-         std::to_string(params_.ping_queue) + " pings wait for odometry at or after their stamps";
+  return "ping of stamp " + std::to_string(oldest_s) +
+         " s dropped: " + std::to_string(params_.ping_queue) +
+         " pings wait for odometry at or after their stamps";
 }
 
 void ParticleFilter::takeInWaiting() {

@@ -27,9 +27,10 @@ struct FilterParams {
   MotionNoise motion;
   PingFilterParams pings;
   std::size_t ping_queue = 200;  // pings that may wait for odometry
-  double hold_back_s = 30.0;     // pings younger than this are not drawn into minibatches; 0: the paper's
-  double holdout = 0.02;         // share of pings never drawn
-  Origin origin;                 // of minibatch coordinates
+  double hold_back_s =
+      30.0;               // pings younger than this are not drawn into minibatches; 0: the paper's
+  double holdout = 0.02;  // share of pings never drawn
+  Origin origin;          // of minibatch coordinates
 };
 
 // What is known of a ping, apart from the particles' poses and its beams.
@@ -54,9 +55,9 @@ struct Counters {
 struct Estimate {
   double stamp_s = 0.0;
   Attitude attitude;
-  Pose2 mean;                                                 // weighted, yaw on the circle
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();       // of x, y, yaw
-  Pose2 odometry;                                             // the odometry's own pose at that stamp
+  Pose2 mean;                                            // weighted, yaw on the circle
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of x, y, yaw
+  Pose2 odometry;                                        // the odometry's own pose at that stamp
   Pose2 dead_reckoning;
 };
 
@@ -64,8 +65,8 @@ struct Estimate {
 struct PlacedPing {
   double stamp_s = 0.0;
   std::uint32_t index = 0;
-  Beams levelled_m;           // x, y in the levelled body frame, z in map
-  std::vector<Pose2> poses;   // [J]
+  Beams levelled_m;          // x, y in the levelled body frame, z in map
+  std::vector<Pose2> poses;  // [J]
 };
 
 // One ping of the finished or growing survey, with the weighted mean of the particles' histories.
@@ -84,11 +85,12 @@ class ParticleFilter {
   // not finite or not later than the one before is refused by std::invalid_argument.
   void addOdometry(const Odometry& odometry);
 
-  // Takes a ping in at once, or as soon as the odometry has passed its stamp. Returns what was wrong, or
-  // an empty string.
+  // Takes a ping in at once, or as soon as the odometry has passed its stamp. Returns what was
+  // wrong, or an empty string.
   std::string addPing(Ping ping);
 
-  // Algorithm 1: see drawMinibatch. Returns N, the beams that can be drawn now; draws none if it is 0.
+  // Algorithm 1: see drawMinibatch. Returns N, the beams that can be drawn now; draws none if it is
+  // 0.
   std::size_t drawMinibatch(std::size_t particle, std::size_t size, PlacedBeam* out) const;
 
   Estimate estimate() const;
@@ -100,15 +102,17 @@ class ParticleFilter {
   void resample(const std::vector<std::uint32_t>& ancestors);
 
   std::optional<PlacedPing> latestPing() const;
-  std::vector<SurveyPing> survey(std::size_t first, std::size_t count, std::size_t stride = 1) const;
+  std::vector<SurveyPing> survey(std::size_t first, std::size_t count,
+                                 std::size_t stride = 1) const;
 
-  // The survey is over: pings still waiting are dropped and counted, nothing is held back any longer.
+  // The survey is over: pings still waiting are dropped and counted, nothing is held back any
+  // longer.
   void finish();
 
   std::size_t particleCount() const { return params_.particles; }
   std::size_t pings() const;
   std::size_t pingsWaiting() const;
-  std::size_t beams() const;           // in the training log
+  std::size_t beams() const;  // in the training log
   std::size_t beamsHeldOut() const;
   Counters counters() const;
 
@@ -133,13 +137,13 @@ class ParticleFilter {
   const FilterParams params_;
   mutable std::shared_mutex mutex_;  // guards everything below
   std::vector<RandomStream> motion_streams_;
-  std::deque<Instant> recent_;       // the last few seconds, for pings that come late
+  std::deque<Instant> recent_;  // the last few seconds, for pings that come late
   std::multimap<double, Ping> waiting_;
   std::vector<PingRecord> records_;
   TrajectoryHistories histories_;
   MbesLog log_;
   MbesLog held_out_;
-  std::size_t released_pings_ = 0;   // pings old enough to be drawn
+  std::size_t released_pings_ = 0;  // pings old enough to be drawn
   std::size_t released_beams_ = 0;
   bool finished_ = false;
   Eigen::ArrayXd log_weights_;

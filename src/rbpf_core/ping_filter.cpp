@@ -18,16 +18,16 @@ float median(std::vector<float> values) {
   return *middle;
 }
 
-// Distance of each depth from the median of the window around it; windows are cut at the swath's ends.
+// Distance of each depth from the median of the window around it; windows are cut at the swath's
+// ends.
 std::vector<float> distanceFromRunningMedian(const Beams& beams, int window) {
   const Eigen::Index n = beams.cols();
   const Eigen::Index half = window / 2;
   std::vector<float> distance(static_cast<std::size_t>(n));
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Index first = std::max<Eigen::Index>(0, i - half);
-    const Eigen::Index last = std::min(n - 1, i + half);
+    const Eigen::Index reach = std::min({half, i, n - 1 - i});
     std::vector<float> depths;
-    for (Eigen::Index k = first; k <= last; ++k) depths.push_back(beams(2, k));
+    for (Eigen::Index k = i - reach; k <= i + reach; ++k) depths.push_back(beams(2, k));
     distance[static_cast<std::size_t>(i)] = std::abs(beams(2, i) - median(std::move(depths)));
   }
   return distance;

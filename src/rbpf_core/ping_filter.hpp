@@ -8,8 +8,8 @@ namespace rbpf_core {
 struct PingFilterParams {
   double min_range_m = 0.5;
   double max_range_m = 500.0;
-  int outlier_window = 9;         // beams of the running median, odd; 0: no outlier filter
-  double outlier_threshold = 5.0; // robust standard deviations
+  int outlier_window = 9;          // beams of the running median, odd; 0: no outlier filter
+  double outlier_threshold = 8.0;  // robust standard deviations
 };
 
 // The ping's beams in the levelled body frame: x, y relative to base_link, z in map; NaN stays NaN.

@@ -7,7 +7,8 @@
 
 namespace rbpf_core {
 
-// SplitMix64 (Steele, Lea, Flood 2014): 8 bytes of state, passes BigCrush, a UniformRandomBitGenerator.
+// SplitMix64 (Steele, Lea, Flood 2014): 8 bytes of state, passes BigCrush, a
+// UniformRandomBitGenerator.
 class RandomStream {
  public:
   using result_type = std::uint64_t;
@@ -22,7 +23,8 @@ class RandomStream {
     return mix(state_);
   }
 
-  // Uniform in 0 .. n-1, by multiplication (Lemire 2019); its bias of n / 2^64 is far below anything seen here.
+  // Uniform in 0 .. n-1, by multiplication (Lemire 2019); its bias of n / 2^64 is far below
+  // anything seen here.
   std::uint64_t below(std::uint64_t n) {
     __extension__ using Wide = unsigned __int128;  // both GCC and Clang, on every 64-bit machine
     return static_cast<std::uint64_t>((static_cast<Wide>((*this)()) * n) >> 64);

@@ -22,7 +22,8 @@ double effectiveParticles(const Eigen::ArrayXd& weights) { return 1.0 / weights.
 
 std::vector<std::uint32_t> systematicOffspring(const Eigen::ArrayXd& weights, double u) {
   const auto particles = static_cast<double>(weights.size());
-  // summed in the same order as below, so that the last weight brings `cumulated` to `total` exactly
+  // summed in the same order as below, so that the last weight brings `cumulated` to `total`
+  // exactly
   const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
   const double below_particles = std::nextafter(particles, 0.0);
   std::vector<std::uint32_t> offspring;

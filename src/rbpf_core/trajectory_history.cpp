@@ -11,8 +11,8 @@ TrajectoryHistories::TrajectoryHistories(std::size_t particles) : pasts_(particl
 void TrajectoryHistories::append(const std::vector<Pose2>& poses) {
   if (poses.size() != pasts_.size()) {
     throw std::invalid_argument("poses of a ping: " + std::to_string(poses.size()) +
-                                ", expected one for each of the " +
-                                std::to_string(pasts_.size()) + " particles");
+                                ", expected one for each of the " + std::to_string(pasts_.size()) +
+                                " particles");
   }
   for (std::size_t j = 0; j < pasts_.size(); ++j) {
     pasts_[j].open.push_back(HistoryPose::of(poses[j]));
@@ -23,8 +23,8 @@ void TrajectoryHistories::append(const std::vector<Pose2>& poses) {
 void TrajectoryHistories::resample(const std::vector<std::uint32_t>& ancestors) {
   if (ancestors.size() != pasts_.size()) {
     throw std::invalid_argument("ancestors: " + std::to_string(ancestors.size()) +
-                                ", expected one for each of the " +
-                                std::to_string(pasts_.size()) + " particles");
+                                ", expected one for each of the " + std::to_string(pasts_.size()) +
+                                " particles");
   }
   for (const std::uint32_t ancestor : ancestors) {
     if (ancestor >= pasts_.size()) {

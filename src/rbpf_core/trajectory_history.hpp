@@ -1,4 +1,5 @@
-// h_t: the particles' pasts, as vectors of pointers to shared, immutable segments (the paper's Fig. 2).
+// h_t: the particles' pasts, as vectors of pointers to shared, immutable segments (the paper's Fig.
+// 2).
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,5 @@
-// What goes in and out of the filter. Metres, radians, seconds; frames after REP 103: x forward, y left, z up.
+// What goes in and out of the filter. Metres, radians, seconds; frames after REP 103: x forward, y
+// left, z up.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,8 +26,8 @@ struct Attitude {
 // One odometry message: the vehicle's own pose and its body twist.
 struct Odometry {
   double stamp_s = 0.0;
-  Pose2 pose;          // in odom; only the first one is used, as the start
-  Attitude attitude;   // z, roll, pitch
+  Pose2 pose;         // in odom; only the first one is used, as the start
+  Attitude attitude;  // z, roll, pitch
   Eigen::Vector3d linear_mps = Eigen::Vector3d::Zero();     // surge, sway, heave, in base_link
   Eigen::Vector3d angular_radps = Eigen::Vector3d::Zero();  // p, q, r, in base_link
 };
@@ -36,8 +37,9 @@ using Beams = Eigen::Matrix3Xf;  // one column a beam
 // One ping as it leaves the sensor's static mount.
 struct Ping {
   double stamp_s = 0.0;
-  Eigen::Vector3f sensor_m = Eigen::Vector3f::Zero();  // the sensor's place in base_link; ranges count from here
-  Beams beams_m;                                       // [3, n] in base_link; may hold NaN
+  Eigen::Vector3f sensor_m =
+      Eigen::Vector3f::Zero();  // the sensor's place in base_link; ranges count from here
+  Beams beams_m;                // [3, n] in base_link; may hold NaN
 };
 
 }  // namespace rbpf_core

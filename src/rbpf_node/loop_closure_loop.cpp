@@ -17,8 +17,8 @@ std::vector<std::vector<float>> positionsOf(const rbpf_core::PlacedPing& ping,
                                             const rbpf_core::Origin& origin) {
   std::vector<std::vector<float>> positions;
   for (const rbpf_core::Pose2& pose : ping.poses) {
-    const rbpf_core::Beams placed = placeBeams(
-        ping.levelled_m, {pose.x_m - origin.x_m, pose.y_m - origin.y_m, pose.yaw_rad});
+    const rbpf_core::Beams placed =
+        placeBeams(ping.levelled_m, {pose.x_m - origin.x_m, pose.y_m - origin.y_m, pose.yaw_rad});
     positions.emplace_back();
     for (Eigen::Index i = 0; i < placed.cols(); ++i) {
       positions.back().insert(positions.back().end(), {placed(0, i), placed(1, i)});
@@ -109,8 +109,8 @@ void LoopClosureLoop::resampleIfDepleted() {
   const double threshold =
       params_.resampling_threshold * static_cast<double>(params_.filter.particles);
   if (rbpf_core::effectiveParticles(weights) >= threshold) return;
-  auto stream = rbpf_core::makeStream(params_.filter.seed, rbpf_core::StreamPurpose::kResampling,
-                                      0, epoch_);
+  auto stream =
+      rbpf_core::makeStream(params_.filter.seed, rbpf_core::StreamPurpose::kResampling, 0, epoch_);
   const auto offspring = rbpf_core::systematicOffspring(weights, stream.uniform());
   resample(rbpf_core::numberOffspring(offspring, maps_.nodeOf()));
 }

@@ -1,5 +1,6 @@
 // Loop-closure prompting (the paper's Algorithm 2): when one is due and every map is ready, the
-// latest ping is predicted by every particle's map, the weights follow, and the particles are resampled.
+// latest ping is predicted by every particle's map, the weights follow, and the particles are
+// resampled.
 #pragma once
 
 #include <atomic>
@@ -13,11 +14,11 @@
 namespace rbpf_node {
 
 struct LoopClosureStatistics {
-  std::uint32_t prompts = 0;            // that changed the weights
-  std::uint32_t prompts_vetoed = 0;     // no particle's map explained the ping
-  std::uint32_t prompts_skipped = 0;    // maps not ready, too little overlap, a node missing
-  std::uint32_t resamplings_failed = 0; // rolled back
-  std::uint32_t maps_moved = 0;         // fetched from another node
+  std::uint32_t prompts = 0;             // that changed the weights
+  std::uint32_t prompts_vetoed = 0;      // no particle's map explained the ping
+  std::uint32_t prompts_skipped = 0;     // maps not ready, too little overlap, a node missing
+  std::uint32_t resamplings_failed = 0;  // rolled back
+  std::uint32_t maps_moved = 0;          // fetched from another node
   double tempering = std::numeric_limits<double>::quiet_NaN();  // of the last prompt
   double overlap = std::numeric_limits<double>::quiet_NaN();    // of the last prompt
   std::string message = "waiting for pings";
@@ -32,8 +33,8 @@ class LoopClosureLoop {
   // nodes, never for the filter. To be called from one thread, as often as you like.
   void promptIfDue();
 
-  std::uint32_t epoch() const { return epoch_; }       // resamplings committed
-  bool resampling() const { return resampling_; }      // one is being carried out
+  std::uint32_t epoch() const { return epoch_; }   // resamplings committed
+  bool resampling() const { return resampling_; }  // one is being carried out
   LoopClosureStatistics statistics() const;
 
  private:

@@ -23,10 +23,10 @@ int main(int argc, char** argv) {
     rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
     const tf2_ros::TransformListener listener(slam.transforms());
     ros::NodeHandle input = spinning.inputNode();
-    const auto odometry = input.subscribe("odom", kInputQueue,
-                                          &rbpf_node::SlamNode::handleOdometry, &slam);
-    const auto pings = input.subscribe("mbes/pings", kInputQueue,
-                                       &rbpf_node::SlamNode::handlePing, &slam);
+    const auto odometry =
+        input.subscribe("odom", kInputQueue, &rbpf_node::SlamNode::handleOdometry, &slam);
+    const auto pings =
+        input.subscribe("mbes/pings", kInputQueue, &rbpf_node::SlamNode::handlePing, &slam);
     spinning.start(params.nodes);
     while (ros::ok()) {
       slam.loopClosureLoop().promptIfDue();

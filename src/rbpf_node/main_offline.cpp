@@ -16,10 +16,10 @@ int main(int argc, char** argv) {
     rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
     spinning.start(params.nodes);
     ros::NodeHandle& own = spinning.privateNode();
-    rbpf_node::replayOffline(
-        own.param<std::string>("bag", ""),
-        {own.param<std::string>("odom_topic", "/odom"), own.param<std::string>("ping_topic", "/mbes/pings")},
-        params, &slam);
+    rbpf_node::replayOffline(own.param<std::string>("bag", ""),
+                             {own.param<std::string>("odom_topic", "/odom"),
+                              own.param<std::string>("ping_topic", "/mbes/pings")},
+                             params, &slam);
     own.setParam("replay_finished", true);  // the recorder waits for this
     ros::waitForShutdown();
   } catch (const std::exception& error) {

@@ -24,11 +24,11 @@ MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params)
       resampling_timeout_s_(params.resampling_timeout_s),
       node_of_(rbpf_core::shareParticles(params.filter.particles, params.nodes)) {
   for (std::size_t k = 0; k < nodes_; ++k) {
-    subscribers_.push_back(node_.subscribe<MapStatus>(
-        service(k, "status"), 10, [this](const MapStatus::ConstPtr& status) {
-          const std::lock_guard lock(mutex_);
-          latest_[status->node] = *status;
-        }));
+    subscribers_.push_back(node_.subscribe<MapStatus>(service(k, "status"), 10,
+                                                      [this](const MapStatus::ConstPtr& status) {
+                                                        const std::lock_guard lock(mutex_);
+                                                        latest_[status->node] = *status;
+                                                      }));
   }
 }
 

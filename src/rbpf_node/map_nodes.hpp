@@ -16,9 +16,9 @@ namespace rbpf_node {
 
 // What the map nodes last said of themselves, put together.
 struct MapsState {
-  std::size_t nodes_heard = 0;    // that reported under the epoch asked for
-  std::size_t maps_ready = 0;     // of those nodes
-  std::uint64_t steps = 0;        // training steps of all nodes since they started
+  std::size_t nodes_heard = 0;  // that reported under the epoch asked for
+  std::size_t maps_ready = 0;   // of those nodes
+  std::uint64_t steps = 0;      // training steps of all nodes since they started
 };
 
 class MapNodes {
@@ -38,7 +38,8 @@ class MapNodes {
   // Throws std::runtime_error if any node failed; then commit(epoch, false) is due.
   std::size_t prepare(std::uint32_t epoch, const std::vector<std::uint32_t>& ancestors) const;
 
-  // Second phase. Returns what went wrong, or an empty string. A node that missed it asks the core itself.
+  // Second phase. Returns what went wrong, or an empty string. A node that missed it asks the core
+  // itself.
   std::string commit(std::uint32_t epoch, bool commit) const;
 
  private:

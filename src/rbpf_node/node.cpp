@@ -1,5 +1,6 @@
 #include "rbpf_node/node.hpp"
 
+#include <sys/resource.h>
 #include <tf2_eigen/tf2_eigen.h>
 
 #include "rbpf_core/resampling.hpp"
@@ -11,6 +12,12 @@ namespace {
 
 constexpr double kWarningPeriod_s = 5.0;
 constexpr double kInputStale_s = 5.0;
+
+double peakResidentMb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024.0 / 1e6;  // Linux counts in KiB
+}
 
 }  // namespace
 
@@ -83,7 +90,8 @@ void SlamNode::handOnPings() {
     const sensor_msgs::PointCloud2& message = *pings_without_mount_.front();
     const std::string& frame = message.header.frame_id;
     std::string why;
-    if (frame.empty() || !transforms_.canTransform(params_.frames.base, frame, ros::Time(0), &why)) {
+    if (frame.empty() ||
+        !transforms_.canTransform(params_.frames.base, frame, ros::Time(0), &why)) {
       ROS_WARN_THROTTLE(kWarningPeriod_s, "%zu pings wait for the mount of '%s' on '%s': %s",
                         pings_without_mount_.size(), frame.c_str(), params_.frames.base.c_str(),
                         why.c_str());
@@ -111,8 +119,8 @@ bool SlamNode::allPingsHandedOn() const {
 bool SlamNode::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   filter_.finish();
   response.success = true;
-  response.message = std::to_string(filter_.pings()) + " pings, " +
-                     std::to_string(filter_.beams()) + " beams";
+  response.message =
+      std::to_string(filter_.pings()) + " pings, " + std::to_string(filter_.beams()) + " beams";
   return true;
 }
 
@@ -153,6 +161,7 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   status.maps_ready = static_cast<std::uint32_t>(maps.maps_ready);
   status.iterations = maps.steps;
   status.best_particle = static_cast<std::uint32_t>(best);
+  status.peak_rss_mb = peakResidentMb();
   status.message = closures.message;
   return status;
 }
@@ -206,8 +215,8 @@ void SlamNode::diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report)
   using diagnostic_msgs::DiagnosticStatus;
   const MapsState maps = maps_.state(loop_.epoch());
   if (maps.nodes_heard < params_.nodes) {
-    report.summaryf(DiagnosticStatus::ERROR, "%zu of %zu map nodes have reported",
-                    maps.nodes_heard, params_.nodes);
+    report.summaryf(DiagnosticStatus::ERROR, "%zu of %zu map nodes have reported", maps.nodes_heard,
+                    params_.nodes);
   } else {
     report.summaryf(DiagnosticStatus::OK, "%zu of %zu maps are ready", maps.maps_ready,
                     params_.filter.particles);

@@ -59,7 +59,7 @@ class SlamNode {
   std::deque<sensor_msgs::PointCloud2::ConstPtr> pings_without_mount_;
   ros::Time last_odometry_;
   std::uint32_t last_seq_ = 0;
-  std::uint64_t pings_missed_ = 0;    // gaps in header.seq, and pings whose sensor's mount never came
+  std::uint64_t pings_missed_ = 0;  // gaps in header.seq, and pings whose sensor's mount never came
   std::uint64_t pings_malformed_ = 0;
 };
 

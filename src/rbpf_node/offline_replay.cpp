@@ -68,7 +68,8 @@ void replayOffline(const std::string& bag_path, const OfflineTopics& topics,
   expectTopic(bag, topics.odometry);
   expectTopic(bag, topics.pings);
   takeStaticTransforms(bag, slam);
-  rosbag::View view(bag, rosbag::TopicQuery(std::vector<std::string>{topics.odometry, topics.pings}));
+  rosbag::View view(bag,
+                    rosbag::TopicQuery(std::vector<std::string>{topics.odometry, topics.pings}));
   const ros::Time begin = view.getBeginTime();
   Progress progress((view.getEndTime() - begin).toSec());
   for (const rosbag::MessageInstance& instance : view) {

@@ -38,14 +38,14 @@ std::vector<Answer<Service>> callAll(const std::vector<std::string>& names,
     pending.push_back(task.get_future());
     std::thread(std::move(task)).detach();
   }
-  const auto deadline =
-      std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
   std::vector<Answer<Service>> answers;
   for (std::size_t k = 0; k < names.size(); ++k) {
     const bool came = pending[k].wait_until(deadline) == std::future_status::ready;
-    answers.push_back(came ? pending[k].get()
-                           : Answer<Service>{{}, names[k] + " did not answer within " +
-                                                     std::to_string(timeout_s) + " s"});
+    answers.push_back(
+        came ? pending[k].get()
+             : Answer<Service>{
+                   {}, names[k] + " did not answer within " + std::to_string(timeout_s) + " s"});
   }
   return answers;
 }

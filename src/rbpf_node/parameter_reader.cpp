@@ -66,8 +66,7 @@ double ParameterReader::number(const std::string& name, double min, double max) 
   return number;
 }
 
-std::int64_t ParameterReader::integer(const std::string& name, std::int64_t min,
-                                      std::int64_t max) {
+std::int64_t ParameterReader::integer(const std::string& name, std::int64_t min, std::int64_t max) {
   XmlRpcValue& value = find(name);
   const bool is_integer = value.getType() == XmlRpcValue::TypeInt;
   const std::int64_t number = is_integer ? static_cast<int>(value) : 0;
@@ -86,8 +85,7 @@ std::string ParameterReader::text(const std::string& name) {
   return static_cast<std::string&>(value);
 }
 
-std::string ParameterReader::choice(const std::string& name,
-                                    const std::set<std::string>& choices) {
+std::string ParameterReader::choice(const std::string& name, const std::set<std::string>& choices) {
   const std::string chosen = text(name);
   if (choices.count(chosen) == 0) {
     std::string expected = "one of";

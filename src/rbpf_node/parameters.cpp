@@ -12,8 +12,9 @@ namespace {
 rbpf_core::Origin surveyOrigin(ParameterReader& reader) {
   const auto area = reader.points("survey_area");
   if (area.size() < 3) {
-    ParameterReader::fail("survey_area", "a list of " + std::to_string(area.size()) + " points",
-                          "a polygon [[x, y], ...] in map, m, of at least 3 points: the seabed to be mapped");
+    ParameterReader::fail(
+        "survey_area", "a list of " + std::to_string(area.size()) + " points",
+        "a polygon [[x, y], ...] in map, m, of at least 3 points: the seabed to be mapped");
   }
   const auto [west, east] = std::minmax_element(
       area.begin(), area.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -104,9 +105,9 @@ Parameters loadParameters(const ros::NodeHandle& node) {
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
   reader.number("output/final_training_s", 0.0, kUnlimited);  // the recorder's
   if (params.nodes > params.filter.particles) {
-    ParameterReader::fail("nodes", std::to_string(params.nodes),
-                          "at most one for each of the " +
-                              std::to_string(params.filter.particles) + " particles");
+    ParameterReader::fail(
+        "nodes", std::to_string(params.nodes),
+        "at most one for each of the " + std::to_string(params.filter.particles) + " particles");
   }
   reader.refuseUnknown({"svgp", "map"});
   return params;

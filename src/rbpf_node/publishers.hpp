@@ -38,7 +38,8 @@ class Publishers {
 
   const rbpf_core::ParticleFilter& filter_;
   const Parameters params_;
-  ros::Publisher pose_, path_, dead_reckoning_path_, particles_, ping_, bathymetry_, vehicle_, status_;
+  ros::Publisher pose_, path_, dead_reckoning_path_, particles_, ping_, bathymetry_, vehicle_,
+      status_;
   tf2_ros::TransformBroadcaster tf_;
 };
 

@@ -45,8 +45,8 @@ bool Services::getMinibatches(rbpf_svgp_slam::GetMinibatches::Request& request,
   }
   std::vector<rbpf_core::PlacedBeam> beams(request.particles.size() * request.size);
   for (std::size_t p = 0; p < request.particles.size(); ++p) {
-    response.beams_in_log = filter_.drawMinibatch(request.particles[p], request.size,
-                                                  beams.data() + p * request.size);
+    response.beams_in_log =
+        filter_.drawMinibatch(request.particles[p], request.size, beams.data() + p * request.size);
     if (response.beams_in_log == 0) {
       response.message = "no beams in the log yet";
       return true;

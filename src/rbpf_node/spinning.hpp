@@ -18,7 +18,7 @@ class Spinning {
 
   ros::NodeHandle& node() { return node_; }                 // timers, map nodes' status: one thread
   ros::NodeHandle& privateNode() { return private_node_; }  // services: a thread for each client
-  ros::NodeHandle& inputNode() { return input_node_; }      // odometry and pings: one thread, in order
+  ros::NodeHandle& inputNode() { return input_node_; }  // odometry and pings: one thread, in order
 
   void start(std::size_t map_nodes) {
     spinners_.push_back(std::make_unique<ros::AsyncSpinner>(1));

@@ -1,0 +1,28 @@
+"""Point clouds for RViz and for whoever wants the map live."""
+
+from __future__ import annotations
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+
+def point_cloud(header: Header, columns: dict[str, np.ndarray]) -> PointCloud2:
+    """An unorganised cloud of float32 fields, in the order of the columns, each [n]."""
+    names = list(columns)
+    data = np.stack([np.asarray(columns[name], dtype="<f4") for name in names], axis=1)
+    fields = [
+        PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
+        for i, name in enumerate(names)
+    ]
+    return PointCloud2(
+        header=header,
+        height=1,
+        width=len(data),
+        fields=fields,
+        is_bigendian=False,
+        point_step=4 * len(names),
+        row_step=4 * len(names) * len(data),
+        data=data.tobytes(),
+        is_dense=bool(np.isfinite(data).all()),
+    )

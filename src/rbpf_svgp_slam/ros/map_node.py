@@ -1,0 +1,218 @@
+"""A map node: trains the maps of its share of the particles and answers for them."""
+
+from __future__ import annotations
+
+import functools
+import resource
+import time
+import traceback
+from typing import Any, Callable
+
+import rospy
+import torch
+
+from rbpf_svgp_slam import srv
+from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.msg import MapStatus
+from rbpf_svgp_slam.ros.core_client import MinibatchFeed, Minibatches
+from rbpf_svgp_slam.ros.map_publisher import MapPublisher
+from rbpf_svgp_slam.ros.map_store import RETRY_S, MapStore
+from rbpf_svgp_slam.ros.parameters import NodeParameters
+from rbpf_svgp_slam.ros.payload import BadRequest, pack, unpack
+from rbpf_svgp_slam.ros.peers import Peers
+
+STATUS_PERIOD_S = 0.5
+# Longest wait for minibatches, after which the node looks after its other duties.
+IDLE_S = 0.1
+# Shares of resampling/timeout_s, the core's own patience: who waits for others gives up before
+# those who wait for him, so that the reason travels back.
+FETCH_SHARE = 0.8
+FREEZE_SHARE = 0.6
+ERROR_PERIOD_S = 10.0
+
+
+def answers_bad_requests(response_class: type) -> Callable:
+    """Decorator of a service's handler: errors become success=false with a message."""
+
+    def decorate(handler: Callable) -> Callable:
+        @functools.wraps(handler)
+        def guarded(self: "MapNode", request: Any) -> Any:
+            service = handler.__name__.lstrip("_")
+            try:
+                return handler(self, request)
+            except BadRequest as error:
+                message = str(error)
+                rospy.logerr("%s refused: %s", service, message)
+            except Exception as error:  # a bug or no memory: this request fails, the node lives on
+                message = f"{type(error).__name__}: {error}"
+                rospy.logerr("%s failed: %s", service, traceback.format_exc())
+            return response_class(success=False, message=message)
+
+        return guarded
+
+    return decorate
+
+
+class MapNode:
+    """Services and topics around a MapStore, and the training loop."""
+
+    def __init__(self, index: int, parameters: NodeParameters) -> None:
+        torch.set_num_threads(parameters.map.threads)
+        self._index = index
+        self._engine = parameters.map.engine
+        self._timeout_s = parameters.resampling_timeout_s
+        factory = make_factory(parameters)
+        self._store = MapStore(index, parameters.particles, parameters.nodes, factory)
+        self._peers = Peers(self._engine, FETCH_SHARE * self._timeout_s)
+        self._publisher = MapPublisher(self._store, parameters)
+        self._status = rospy.Publisher("~status", MapStatus, queue_size=2)
+        self._next_status_s = 0.0
+        self._services = [
+            rospy.Service("~predict", srv.PredictBeams, self._predict),
+            rospy.Service("~prepare_resampling", srv.PrepareResampling, self._prepare),
+            rospy.Service("~commit_resampling", srv.CommitResampling, self._commit),
+            rospy.Service("~get_maps", srv.GetMaps, self._get_maps),
+        ]
+        self._feed = MinibatchFeed(
+            self._store.own, factory.minibatch_size, lambda: self._store.epoch
+        )
+
+    def spin(self) -> None:
+        """Train until shutdown."""
+        try:
+            while not rospy.is_shutdown():
+                minibatches = self._next_minibatches()
+                if minibatches is not None:
+                    self._train(minibatches)
+                self._between_steps()
+        except rospy.ROSInterruptException:
+            pass
+        finally:
+            self._feed.stop()
+
+    # Training
+
+    def _next_minibatches(self) -> Minibatches | None:
+        """Minibatches of this node's epoch, if there are any at present."""
+        if not self._store.frozen:
+            reply = self._feed.take(IDLE_S)
+            return reply if reply is not None and self._is_current(reply) else None
+        if not self._store.undecided():
+            self._store.wait_while_frozen(IDLE_S)
+            return None
+        # The decision is late or lost. Only an answer to a question asked now tells which.
+        self._feed.refresh()
+        reply = self._feed.take(RETRY_S)
+        outcome = self._store.settle(reply.epoch, reply.resampling) if reply else ""
+        if outcome:
+            rospy.logwarn("a resampling's outcome has not been sent; %s, as the core says", outcome)
+        return None
+
+    def _is_current(self, reply: Minibatches) -> bool:
+        """Beams placed under another epoch are useless; an epoch that stays another is adopted."""
+        epoch = self._store.epoch
+        if reply.epoch == epoch:
+            return True
+        if reply.asked_epoch != epoch or reply.resampling or self._store.frozen:
+            return False
+        if self._store.steps == 0:
+            rospy.loginfo("joining at epoch %d, with new maps", reply.epoch)
+        else:
+            rospy.logerr_throttle(
+                ERROR_PERIOD_S,
+                f"the core is at epoch {reply.epoch}; expected {epoch}, this node's: "
+                "a resampling or the core's start has been missed, the maps stay as they are",
+            )
+        self._store.adopt(reply.epoch)
+        return False
+
+    def _train(self, minibatches: Minibatches) -> None:
+        """One step of every map, unless a resampling comes in between."""
+        epoch, beams_in_log = minibatches.epoch, minibatches.beams_in_log
+        for particle, beams in zip(self._store.own, minibatches.beams):
+            try:
+                if not self._store.train(particle, epoch, beams, beams_in_log):
+                    return
+            except Exception as error:  # one map's failure must not stop the others
+                rospy.logerr_throttle(
+                    ERROR_PERIOD_S, f"training step of particle {particle} failed: {error!r}"
+                )
+            self._between_steps()
+            if rospy.is_shutdown():
+                return
+
+    # Between two steps
+
+    def _between_steps(self) -> None:
+        if time.monotonic() >= self._next_status_s:
+            self._next_status_s = time.monotonic() + STATUS_PERIOD_S
+            self._publish_status()
+        try:
+            self._publisher.advance()
+        except Exception as error:  # a picture is not worth a map
+            rospy.logerr_throttle(ERROR_PERIOD_S, f"publishing the map failed: {error!r}")
+
+    def _publish_status(self) -> None:
+        maps = self._store.maps().values()
+        status = MapStatus(
+            node=self._index,
+            epoch=self._store.epoch,
+            particles=list(self._store.own),
+            iterations=[engine.iterations for engine in maps],
+            ready=[engine.ready for engine in maps],
+            objective=[engine.objective for engine in maps],
+            steps=self._store.steps,
+            skipped_steps=self._store.skipped_steps,
+            # Linux counts in units of 1024 bytes.
+            peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
+        )
+        status.header.stamp = rospy.Time.now()
+        self._status.publish(status)
+
+    # Services
+
+    @answers_bad_requests(srv.PredictBeamsResponse)
+    def _predict(self, request: srv.PredictBeamsRequest) -> srv.PredictBeamsResponse:
+        if request.points < 1 or not request.particles:
+            raise BadRequest(
+                f"request is for {request.points} points of {len(request.particles)} particles; "
+                "expected at least 1 of each"
+            )
+        shape = (len(request.particles), request.points, 2)
+        positions = unpack("positions", request.positions, shape)
+        answer = self._store.predict(request.epoch, request.particles, positions)
+        mean, variance, noise_variance, prior_variance = map(pack, answer)
+        return srv.PredictBeamsResponse(
+            success=True,
+            mean=mean,
+            variance=variance,
+            noise_variance=noise_variance,
+            prior_variance=prior_variance,
+        )
+
+    @answers_bad_requests(srv.GetMapsResponse)
+    def _get_maps(self, request: srv.GetMapsRequest) -> srv.GetMapsResponse:
+        maps = self._store.serialise(
+            request.epoch, request.particles, FREEZE_SHARE * self._timeout_s
+        )
+        return srv.GetMapsResponse(
+            success=True,
+            engine=self._engine,
+            sizes=[len(data) for data in maps],
+            maps=b"".join(maps),
+        )
+
+    @answers_bad_requests(srv.PrepareResamplingResponse)
+    def _prepare(self, request: srv.PrepareResamplingRequest) -> srv.PrepareResamplingResponse:
+        moved = self._store.prepare(
+            request.epoch, request.ancestors, self._peers.fetch, self._timeout_s
+        )
+        return srv.PrepareResamplingResponse(
+            success=True, maps_fetched=moved.maps, bytes_fetched=moved.bytes
+        )
+
+    @answers_bad_requests(srv.CommitResamplingResponse)
+    def _commit(self, request: srv.CommitResamplingRequest) -> srv.CommitResamplingResponse:
+        decide = self._store.commit if request.commit else self._store.abort
+        decide(request.epoch)
+        return srv.CommitResamplingResponse(success=True)

@@ -1,0 +1,58 @@
+"""Starts a map node: parameters first, for the number of threads must be known to what follows."""
+
+from __future__ import annotations
+
+import os
+
+import rosgraph
+
+from rbpf_svgp_slam.ros.parameters import (
+    GROUP,
+    NodeParameters,
+    ParameterError,
+    validate,
+    validate_index,
+)
+
+
+def start() -> int | str:
+    """Run the node until shutdown; returns what sys.exit() takes."""
+    try:
+        parameters = _load_parameters()
+        # Numerical libraries read it once, when they are loaded; rospy already loads one.
+        os.environ["OMP_NUM_THREADS"] = str(parameters.map.threads)
+        return _run(parameters)
+    except ParameterError as error:
+        return f"svgp_node: {error}"
+    except KeyboardInterrupt:
+        return 0
+
+
+def _load_parameters() -> NodeParameters:
+    """From the parameter server, relative to the namespace that the node is started in."""
+    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), GROUP)
+    try:
+        tree = rosgraph.Master("/svgp_node").getParam(name)
+    except rosgraph.MasterError:
+        tree = {}
+    except OSError as error:
+        uri = rosgraph.get_master_uri()
+        raise ParameterError(f"no parameters: ROS master {uri} does not answer: {error}") from None
+    return validate(tree)
+
+
+def _run(parameters: NodeParameters) -> int:
+    import rospy
+
+    from rbpf_svgp_slam.ros.map_node import MapNode
+
+    rospy.init_node("svgp_node")
+    index = validate_index(rospy.get_param("~index", None), parameters.nodes)
+    own_name = rospy.get_name().split("/")[-1]
+    if own_name != f"svgp_node_{index}":
+        # The other nodes find this one by its name.
+        raise ParameterError(
+            f"the node's name is {own_name}; expected svgp_node_{index}, by ~index"
+        )
+    MapNode(index, parameters).spin()
+    return 0

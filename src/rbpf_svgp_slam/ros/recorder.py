@@ -1,0 +1,151 @@
+"""The survey recorder: follows a survey from outside and writes its run folder at the end.
+
+It alone listens to the ground truth, which the filter must never see.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import rospy
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path as PathMessage
+from scipy.spatial.transform import Rotation
+from std_srvs.srv import Trigger, TriggerResponse
+
+from rbpf_svgp_slam.evaluation import write_run
+from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.ros.parameters import GROUP
+from rbpf_svgp_slam.ros.replay import OfflineReplay, PlayedBag, ProgressLine
+from rbpf_svgp_slam.ros.run_folder import assemble_run
+
+POLL_S = 0.1
+PATH_PERIOD_S = 1.0
+PATH_POSES = 4000
+
+
+class Recorder:
+    """Keeps the ground truth and the filter's status; see run()."""
+
+    def __init__(self) -> None:
+        self.out_dir = Path(rospy.get_param("~out")).expanduser()
+        self.parameters = rospy.get_param(GROUP)
+        self.terrain_file = rospy.get_param("~terrain", "")
+        self.ground_truth: list[tuple[float, ...]] = []  # stamp x y z roll pitch yaw
+        self.statuses: list[FilterStatus] = []
+        self.map_statuses: dict[int, MapStatus] = {}
+        self.started_s: float | None = None  # wall clock, at the first odometry
+        self.finished_s: float | None = None
+        self._map_frame = self.parameters["frames"]["map"]
+        self._path = rospy.Publisher("ground_truth_path", PathMessage, queue_size=1, latch=True)
+        self._next_path_s = 0.0
+        self._saving = False
+        self._subscribers = [
+            rospy.Subscriber("ground_truth", Odometry, self._on_ground_truth),
+            rospy.Subscriber("rbpf_core/status", FilterStatus, self._on_status),
+        ] + [
+            rospy.Subscriber(f"svgp_node_{k}/status", MapStatus, self._on_map_status)
+            for k in range(self.parameters["nodes"])
+        ]
+        self._save = rospy.Service("~save", Trigger, self._on_save)
+
+    def run(self) -> int:
+        """Follow the survey to its end and write the run folder; returns the exit status."""
+        source = self._source()
+        try:
+            self._follow(source)
+            if rospy.is_shutdown():
+                return 1
+            self._finish_survey()
+            report = write_run(assemble_run(self, source), self.out_dir)
+        except (RuntimeError, OSError, rospy.ServiceException) as error:
+            rospy.logfatal("No report: %s", error)
+            return 1
+        self._print_summary(report)
+        return 0
+
+    def _source(self) -> PlayedBag | OfflineReplay | None:
+        bag = rospy.get_param("~bag", "")
+        if not bag:
+            return None
+        topics = {name: rospy.resolve_name(name) for name in ("odom", "mbes/pings")}
+        kind = OfflineReplay if rospy.get_param("~offline", False) else PlayedBag
+        return kind(bag, topics["odom"], topics["mbes/pings"])
+
+    def _follow(self, source: PlayedBag | OfflineReplay | None) -> None:
+        progress = ProgressLine()
+        while not rospy.is_shutdown() and not self._saving:
+            time.sleep(POLL_S)  # wall time: the bag's clock stands still once it is over
+            self._publish_path()
+            if source is None or not self.statuses:
+                continue
+            if isinstance(source, PlayedBag):
+                progress.show(source.share_played(self.statuses[-1]), self.statuses[-1])
+            if source.is_over(self.statuses[-1]):
+                break
+        progress.end()
+
+    def _finish_survey(self) -> None:
+        rospy.ServiceProxy("rbpf_core/finish", Trigger)()
+        self.finished_s = time.monotonic()
+        rest_s = float(self.parameters["output"]["final_training_s"])
+        rospy.loginfo("Survey over; training on the whole log for %.0f s more.", rest_s)
+        end_s = time.monotonic() + rest_s
+        while time.monotonic() < end_s and not rospy.is_shutdown():
+            time.sleep(POLL_S)
+        rospy.loginfo("Writing the report to %s", self.out_dir)
+
+    def _on_ground_truth(self, message: Odometry) -> None:
+        if message.header.frame_id != self._map_frame:
+            rospy.logerr_throttle(
+                5.0,
+                f"Ground truth refused: frame '{message.header.frame_id}', "
+                f"expected '{self._map_frame}'",
+            )
+            return
+        p, q = message.pose.pose.position, message.pose.pose.orientation
+        try:
+            yaw, pitch, roll = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_euler("ZYX")
+        except ValueError:
+            rospy.logerr_throttle(5.0, f"Ground truth refused: orientation {q}, expected norm 1")
+            return
+        stamp_s = message.header.stamp.to_sec()
+        self.ground_truth.append((stamp_s, p.x, p.y, p.z, roll, pitch, yaw))
+
+    def _on_status(self, status: FilterStatus) -> None:
+        if status.odometry_messages and self.started_s is None:
+            self.started_s = time.monotonic()
+        self.statuses.append(status)
+
+    def _on_map_status(self, status: MapStatus) -> None:
+        self.map_statuses[status.node] = status
+
+    def _on_save(self, _: Trigger) -> TriggerResponse:
+        self._saving = True
+        return TriggerResponse(success=True, message=f"writing the run to {self.out_dir}")
+
+    def _publish_path(self) -> None:
+        if time.monotonic() < self._next_path_s or not self.ground_truth:
+            return
+        self._next_path_s = time.monotonic() + PATH_PERIOD_S
+        path = PathMessage()
+        path.header.frame_id = self._map_frame
+        for _, x, y, z, *_ in self.ground_truth[:: 1 + len(self.ground_truth) // PATH_POSES]:
+            pose = PoseStamped()
+            pose.header.frame_id = self._map_frame
+            pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = x, y, z
+            pose.pose.orientation.w = 1.0
+            path.poses.append(pose)
+        self._path.publish(path)
+
+    def _print_summary(self, report: dict) -> None:
+        def metres(name: str) -> str:
+            value = report[name]
+            return "unknown" if value is None else f"{value:.2f} m"
+
+        print(f"DR error:   ATE {metres('dr_ate_rmse_m')}, final {metres('dr_final_error_m')}")
+        print(f"RBPF error: ATE {metres('ate_rmse_m')}, final {metres('final_error_m')}")
+        print(f"Report: {os.path.abspath(self.out_dir / 'report.html')}", flush=True)
+

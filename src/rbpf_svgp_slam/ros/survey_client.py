@@ -1,0 +1,75 @@
+"""Fetches a finished survey from the core, and a particle's map from its node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rospy
+
+from rbpf_svgp_slam.maps import load_map
+from rbpf_svgp_slam.ros.map_store import share
+from rbpf_svgp_slam.srv import GetMaps, GetPings
+
+PINGS_A_CALL = 1000
+
+
+@dataclass
+class Survey:
+    """All pings of the survey, P, with their beams, N. Poses: x y z roll pitch yaw, map, m and rad."""
+
+    stamp_s: np.ndarray  # [P]
+    estimate: np.ndarray  # [P, 6]
+    estimate_std_m: np.ndarray  # [P, 2]
+    dead_reckoning: np.ndarray  # [P, 6]
+    held_out: np.ndarray  # [P] bool
+    ping_of_beam: np.ndarray  # [N]
+    levelled: np.ndarray  # [N, 3] x, y in the levelled body frame, z in map, m
+
+    def place(self, poses: np.ndarray) -> np.ndarray:
+        """Beams [N, 3] in map, with the pings at poses [P, 6]."""
+        x, y, yaw = (poses[self.ping_of_beam, i] for i in (0, 1, 5))
+        forward, left, z = self.levelled.T
+        cos_yaw, sin_yaw = np.cos(yaw), np.sin(yaw)
+        return np.stack(
+            [x + cos_yaw * forward - sin_yaw * left, y + sin_yaw * forward + cos_yaw * left, z],
+            axis=-1,
+        )
+
+
+def fetch_survey() -> Survey:
+    """Raises RuntimeError if the core refuses."""
+    get_pings = rospy.ServiceProxy("rbpf_core/get_pings", GetPings, persistent=True)
+    pieces, first = [], 0
+    while True:
+        piece = get_pings(first=first, count=PINGS_A_CALL)
+        if not piece.success:
+            raise RuntimeError(f"rbpf_core/get_pings refused: {piece.message}")
+        pieces.append(piece)
+        first += len(piece.beams_per_ping)
+        if first >= piece.pings_total or not piece.beams_per_ping:
+            break
+
+    def joined(name: str, dtype: str, columns: int) -> np.ndarray:
+        return np.frombuffer(b"".join(getattr(p, name) for p in pieces), dtype).reshape(-1, columns)
+
+    beams_per_ping = np.concatenate([np.asarray(p.beams_per_ping, dtype=int) for p in pieces])
+    return Survey(
+        stamp_s=joined("stamps", "<f8", 1)[:, 0],
+        estimate=joined("estimate", "<f8", 6),
+        estimate_std_m=joined("estimate_std", "<f8", 2),
+        dead_reckoning=joined("dead_reckoning", "<f8", 6),
+        held_out=np.concatenate([np.asarray(p.held_out, dtype=bool) for p in pieces]),
+        ping_of_beam=np.repeat(np.arange(len(beams_per_ping)), beams_per_ping),
+        levelled=joined("beams", "<f4", 3).astype(float),
+    )
+
+
+def fetch_map(particle: int, epoch: int, particles: int, nodes: int):
+    """The engine object of one particle's map. Raises RuntimeError if its node refuses."""
+    owner = next(k for k in range(nodes) if particle in share(particles, nodes, k))
+    service = f"svgp_node_{owner}/get_maps"
+    answer = rospy.ServiceProxy(service, GetMaps)(epoch=epoch, particles=[particle])
+    if not answer.success:
+        raise RuntimeError(f"{service} refused: {answer.message}")
+    return load_map(answer.engine, answer.maps)

@@ -1,0 +1,170 @@
+#include "rbpf_core/trajectory_history.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <set>
+#include <stdexcept>
+#include <vector>
+
+#include "rbpf_core/random.hpp"
+
+namespace rbpf_core {
+namespace {
+
+// Every pose ever appended has a number of its own, written into x; the brute force keeps a full
+// copy of its numbers for each particle.
+class NaiveHistories {
+ public:
+  explicit NaiveHistories(std::size_t particles) : pasts_(particles) {}
+
+  std::vector<Pose2> append() {
+    std::vector<Pose2> poses;
+    for (auto& past : pasts_) {
+      past.push_back(next_);
+      poses.push_back({static_cast<double>(next_), -static_cast<double>(next_), 0.0});
+      ++next_;
+    }
+    return poses;
+  }
+
+  void resample(const std::vector<std::uint32_t>& ancestors) {
+    const auto before = pasts_;
+    for (std::size_t j = 0; j < ancestors.size(); ++j) pasts_[j] = before[ancestors[j]];
+  }
+
+  // Poses that at least one particle still has in its past.
+  std::size_t distinctPoses() const {
+    std::set<std::uint64_t> distinct;
+    for (const auto& past : pasts_) distinct.insert(past.begin(), past.end());
+    return distinct.size();
+  }
+
+  const std::vector<std::vector<std::uint64_t>>& pasts() const { return pasts_; }
+
+ private:
+  std::vector<std::vector<std::uint64_t>> pasts_;
+  std::uint64_t next_ = 0;
+};
+
+void expectEqual(const TrajectoryHistories& histories, const NaiveHistories& naive) {
+  for (std::size_t j = 0; j < naive.pasts().size(); ++j) {
+    ASSERT_EQ(histories.pings(), naive.pasts()[j].size());
+    for (std::size_t ping = 0; ping < histories.pings(); ++ping) {
+      const auto number = static_cast<double>(naive.pasts()[j][ping]);
+      ASSERT_EQ(histories.at(j, ping).x_m, number) << "particle " << j << ", ping " << ping;
+      ASSERT_EQ(histories.at(j, ping).y_m, -number) << "particle " << j << ", ping " << ping;
+    }
+  }
+}
+
+std::vector<std::uint32_t> randomAncestors(std::size_t particles, RandomStream& stream) {
+  std::vector<std::uint32_t> ancestors;
+  for (std::size_t j = 0; j < particles; ++j) {
+    ancestors.push_back(static_cast<std::uint32_t>(stream.below(particles)));
+  }
+  return ancestors;
+}
+
+TEST(TrajectoryHistories, EqualFullCopiesOverRandomAppendsAndResamplings) {
+  for (const std::size_t particles : {1U, 2U, 5U, 17U}) {
+    RandomStream stream(particles);
+    TrajectoryHistories histories(particles);
+    NaiveHistories naive(particles);
+    for (int i = 0; i < 300; ++i) {
+      if (stream.below(4) == 0) {  // often twice in a row, without a ping between
+        const auto ancestors = randomAncestors(particles, stream);
+        histories.resample(ancestors);
+        naive.resample(ancestors);
+      } else {
+        histories.append(naive.append());
+      }
+      ASSERT_EQ(histories.storedPoses(), naive.distinctPoses());
+    }
+    expectEqual(histories, naive);
+  }
+}
+
+TEST(TrajectoryHistories, FindEveryPoseAfterAThousandResamplings) {
+  constexpr std::size_t kParticles = 10;
+  RandomStream stream(1);
+  TrajectoryHistories histories(kParticles);
+  NaiveHistories naive(kParticles);
+  for (int i = 0; i < 1000; ++i) {
+    for (std::uint64_t ping = 0; ping < stream.below(4); ++ping) histories.append(naive.append());
+    const auto ancestors = randomAncestors(kParticles, stream);
+    histories.resample(ancestors);
+    naive.resample(ancestors);
+  }
+  histories.append(naive.append());
+  expectEqual(histories, naive);
+  EXPECT_EQ(histories.storedPoses(), naive.distinctPoses());
+}
+
+TEST(TrajectoryHistories, ShareTheirPastInsteadOfCopyingIt) {
+  TrajectoryHistories histories(3);
+  NaiveHistories naive(3);
+  for (int ping = 0; ping < 10; ++ping) histories.append(naive.append());
+  const HistoryPose* before = nullptr;
+  histories.resample({0, 1, 2});  // closes the segment
+  before = &histories.at(1, 4);
+  histories.resample({1, 1, 1});
+  for (std::size_t j = 0; j < 3; ++j) EXPECT_EQ(&histories.at(j, 4), before);
+}
+
+TEST(TrajectoryHistories, FreeSegmentsThatNoParticlePointsTo) {
+  TrajectoryHistories histories(4);
+  NaiveHistories naive(4);
+  for (int ping = 0; ping < 100; ++ping) histories.append(naive.append());
+  EXPECT_EQ(histories.storedPoses(), 400U);
+  histories.resample({2, 2, 2, 2});
+  EXPECT_EQ(histories.storedPoses(), 100U);
+  for (int ping = 0; ping < 10; ++ping) histories.append(naive.append());
+  EXPECT_EQ(histories.storedPoses(), 140U);
+  histories.resample({0, 0, 1, 1});
+  EXPECT_EQ(histories.storedPoses(), 120U);
+}
+
+TEST(TrajectoryHistories, StayAsTheyAreWhenResampledToThemselves) {
+  TrajectoryHistories histories(3);
+  NaiveHistories naive(3);
+  histories.resample({0, 1, 2});  // before any ping
+  for (int i = 0; i < 5; ++i) {
+    histories.append(naive.append());
+    histories.resample({0, 1, 2});
+    histories.resample({0, 1, 2});
+  }
+  expectEqual(histories, naive);
+  EXPECT_EQ(histories.storedPoses(), 15U);
+}
+
+TEST(TrajectoryHistories, RefuseAnythingButOnePoseForEachParticle) {
+  TrajectoryHistories histories(3);
+  EXPECT_THROW(histories.append(std::vector<Pose2>(2)), std::invalid_argument);
+  EXPECT_THROW(histories.append(std::vector<Pose2>(4)), std::invalid_argument);
+  EXPECT_EQ(histories.pings(), 0U);
+}
+
+TEST(TrajectoryHistories, RefuseMalformedAncestorsAndKeepWhatTheyHave) {
+  TrajectoryHistories histories(3);
+  NaiveHistories naive(3);
+  histories.append(naive.append());
+  EXPECT_THROW(histories.resample({0, 1}), std::invalid_argument);
+  EXPECT_THROW(histories.resample({0, 1, 2, 0}), std::invalid_argument);
+  EXPECT_THROW(histories.resample({0, 1, 3}), std::invalid_argument);
+  EXPECT_THROW(histories.resample({0, static_cast<std::uint32_t>(-1), 1}), std::invalid_argument);
+  expectEqual(histories, naive);
+}
+
+TEST(HistoryPose, GivesBackTheYawToFloatPrecision) {
+  for (double yaw = -3.1; yaw < 3.2; yaw += 0.1) {
+    const Pose2 pose = HistoryPose::of({5e6, -5e6, yaw}).pose();
+    EXPECT_EQ(pose.x_m, 5e6);
+    EXPECT_EQ(pose.y_m, -5e6);
+    EXPECT_NEAR(pose.yaw_rad, yaw, 1e-7);  // cosine and sine are rounded to float32, 6e-8
+  }
+}
+
+}  // namespace
+}  // namespace rbpf_core

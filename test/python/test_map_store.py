@@ -1,0 +1,449 @@
+"""The share of maps and the two phases of a resampling, with maps that are plain numbers."""
+
+import math
+import struct
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from rbpf_svgp_slam.ros.map_store import MapStore, Moved, share
+from rbpf_svgp_slam.ros.payload import BadRequest, pack, split, unpack
+from rbpf_svgp_slam.ros.step_lock import StepLock
+
+TIMEOUT_S = 5.0  # for what is expected to happen: reached only by a bug
+SHORT_S = 0.05  # for what is expected not to happen
+BEAMS = np.ones((4, 3), dtype=np.float32)
+
+
+class NumberMap:
+    """A map that is one number. Maps of one node share a guard, as real ones share work space."""
+
+    noise_variance_m2 = 0.25
+    prior_variance_m2 = 4.0
+
+    def __init__(self, factory, value=0.0, iterations=0):
+        self.factory, self.value, self.iterations = factory, value, iterations
+        self.skipped_steps = 0
+
+    def train_step(self, beams, beams_in_log):
+        with self.factory.alone():
+            if math.isnan(beams[0, 0]):
+                raise RuntimeError("this minibatch is broken")
+            if beams[0, 0] < 0:
+                self.skipped_steps += 1
+                return
+            time.sleep(self.factory.step_s)
+            self.value += float(beams.sum()) / beams_in_log
+            self.iterations += 1
+
+    def predict(self, xy):
+        with self.factory.alone():
+            return self.value + xy[:, 0], np.full(len(xy), 0.5)
+
+    def to_bytes(self):
+        with self.factory.alone():
+            return struct.pack("<dQ", self.value, self.iterations)
+
+
+class NumberMaps:
+    """The maps of one node. Fails when two threads use them at once."""
+
+    def __init__(self, step_s=0.0):
+        self.step_s = step_s
+        self.guard = threading.Lock()
+
+    def create(self):
+        return NumberMap(self)
+
+    def load(self, data):
+        with self.alone():
+            return NumberMap(self, *struct.unpack("<dQ", data))
+
+    @contextmanager
+    def alone(self):
+        assert self.guard.acquire(blocking=False), "two threads use the maps at the same time"
+        try:
+            yield
+        finally:
+            self.guard.release()
+
+
+def make_stores(particles, nodes):
+    stores = [MapStore(k, particles, nodes, NumberMaps()) for k in range(nodes)]
+    for store in stores:
+        for particle in store.own:
+            # Every map is different: particle j has seen j + 1 steps.
+            for _ in range(particle + 1):
+                assert store.train(particle, 0, BEAMS, 7)
+    return stores
+
+
+def map_bytes(stores):
+    return {j: engine.to_bytes() for store in stores for j, engine in store.maps().items()}
+
+
+def fetch_from(stores, timeout_s=TIMEOUT_S):
+    """What the services do between nodes."""
+
+    def fetch(epoch, wanted):
+        return {
+            particle: data
+            for owner, particles in wanted.items()
+            for particle, data in zip(
+                particles, stores[owner].serialise(epoch, particles, timeout_s)
+            )
+        }
+
+    return fetch
+
+
+def no_fetch(epoch, wanted):
+    raise AssertionError(f"nothing to fetch was expected, asked for {wanted}")
+
+
+def in_threads(*calls):
+    """Run calls at the same time; their results, or the exceptions they raised."""
+    results = [None] * len(calls)
+
+    def run(i):
+        try:
+            results[i] = calls[i]()
+        except Exception as error:
+            results[i] = error
+
+    threads = [threading.Thread(target=run, args=(i,), daemon=True) for i in range(len(calls))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(TIMEOUT_S)
+        assert not thread.is_alive(), "deadlock"
+    return results
+
+
+def prepare_all(stores, epoch, ancestors):
+    fetch = fetch_from(stores)
+    return in_threads(*(lambda s=s: s.prepare(epoch, ancestors, fetch, TIMEOUT_S) for s in stores))
+
+
+# Shares
+
+
+@pytest.mark.parametrize("particles", [1, 2, 5, 7, 40, 100])
+@pytest.mark.parametrize("nodes", [1, 2, 3, 4, 7])
+def test_shares_cover_all_particles_and_differ_by_at_most_one(particles, nodes):
+    shares = [share(particles, nodes, k) for k in range(nodes)]
+    assert [j for part in shares for j in part] == list(range(particles))
+    sizes = [len(part) for part in shares]
+    assert max(sizes) - min(sizes) <= 1
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_five_particles_on_two_nodes():
+    assert [share(5, 2, 0), share(5, 2, 1)] == [range(0, 3), range(3, 5)]
+
+
+# Resampling
+
+
+def test_commit_gives_every_particle_its_ancestors_map():
+    stores = make_stores(5, 2)
+    before = map_bytes(stores)
+    ancestors = [4, 1, 1, 0, 4]
+    moved = prepare_all(stores, 1, ancestors)
+    assert [m.maps for m in moved] == [1, 1]
+    assert [m.bytes for m in moved] == [16, 16]
+    assert map_bytes(stores) == before, "the old maps stay until the commit"
+    for store in stores:
+        store.commit(1)
+    assert map_bytes(stores) == {j: before[a] for j, a in enumerate(ancestors)}
+    assert [store.epoch for store in stores] == [1, 1]
+
+
+def test_survivors_keep_their_objects_and_copies_are_independent():
+    (store,) = make_stores(3, 1)
+    survivor = store.maps()[1]
+    store.prepare(1, [1, 1, 1], no_fetch, TIMEOUT_S)
+    store.commit(1)
+    assert store.maps()[1] is survivor
+    before = store.maps()[2].to_bytes()
+    store.train(0, 1, BEAMS, 7)
+    assert store.maps()[2].to_bytes() == before != store.maps()[0].to_bytes()
+
+
+def test_abort_keeps_everything():
+    stores = make_stores(4, 2)
+    before = map_bytes(stores)
+    prepare_all(stores, 1, [3, 3, 0, 0])
+    for store in stores:
+        store.abort(1)
+    assert map_bytes(stores) == before
+    assert [store.epoch for store in stores] == [0, 0]
+    assert all(store.train(store.own[0], 0, BEAMS, 7) for store in stores)
+
+
+def test_decisions_can_be_repeated():
+    (store,) = make_stores(2, 1)
+    store.prepare(1, [0, 0], no_fetch, TIMEOUT_S)
+    store.abort(1)
+    store.abort(1)
+    store.prepare(1, [0, 0], no_fetch, TIMEOUT_S)
+    store.commit(1)
+    store.commit(1)
+    assert store.epoch == 1
+    with pytest.raises(BadRequest, match="epoch is 1; expected 2"):
+        store.abort(1)
+
+
+def test_no_training_between_the_phases():
+    (store,) = make_stores(2, 1)
+    store.prepare(1, [0, 0], no_fetch, TIMEOUT_S)
+    before = map_bytes([store])
+    assert store.frozen
+    assert not store.train(0, 0, BEAMS, 7)
+    assert not store.train(0, 1, BEAMS, 7)
+    assert map_bytes([store]) == before
+    store.commit(1)
+    assert not store.train(0, 0, BEAMS, 7), "beams of another epoch"
+    assert store.train(0, 1, BEAMS, 7)
+
+
+def test_maps_are_handed_out_only_once_their_owner_has_stopped():
+    first, second = make_stores(2, 2)
+    answers = []
+    asker = threading.Thread(
+        target=lambda: answers.extend(second.serialise(1, [1], TIMEOUT_S)), daemon=True
+    )
+    asker.start()
+    time.sleep(SHORT_S)
+    assert not answers
+    second.train(1, 0, BEAMS, 7)
+    at_resampling = second.maps()[1].to_bytes()
+    second.prepare(1, [0, 1], no_fetch, TIMEOUT_S)
+    asker.join(TIMEOUT_S)
+    assert answers == [at_resampling]
+
+
+def test_a_node_that_never_stops_is_given_up():
+    stores = make_stores(2, 2)
+    with pytest.raises(BadRequest, match="not stopped training for epoch 1 within 0.05 s"):
+        stores[0].prepare(1, [1, 1], fetch_from(stores, SHORT_S), TIMEOUT_S)
+    assert stores[0].frozen, "other nodes may still be fetching from it"
+    with pytest.raises(BadRequest, match="not fully prepared"):
+        stores[0].commit(1)
+    stores[0].abort(1)
+    assert stores[0].train(0, 0, BEAMS, 7)
+
+
+def test_abort_during_preparation_wins():
+    (store, _) = make_stores(2, 2)
+
+    def fetch(epoch, wanted):
+        store.abort(1)
+        return {1: struct.pack("<dQ", 0.0, 0)}
+
+    with pytest.raises(BadRequest, match="ended while its maps were being fetched"):
+        store.prepare(1, [1, 1], fetch, TIMEOUT_S)
+    assert not store.frozen
+    with pytest.raises(BadRequest, match="nothing is prepared"):
+        store.commit(1)
+
+
+def test_a_second_plan_replaces_the_first():
+    (store,) = make_stores(3, 1)
+    before = map_bytes([store])
+    store.prepare(1, [0, 0, 0], no_fetch, TIMEOUT_S)
+    store.prepare(1, [2, 2, 2], no_fetch, TIMEOUT_S)
+    store.commit(1)
+    assert map_bytes([store]) == dict.fromkeys(range(3), before[2])
+
+
+@pytest.mark.parametrize(
+    "epoch, ancestors, message",
+    [
+        (0, [0, 1], "epoch is 0; expected 1"),
+        (2, [0, 1], "epoch is 2; expected 1"),
+        (1, [0], "ancestors has 1 entries; expected 2"),
+        (1, [0, 2], r"ancestors\[1\] is 2; expected 0 .. 1"),
+    ],
+)
+def test_a_bad_plan_changes_nothing(epoch, ancestors, message):
+    (store,) = make_stores(2, 1)
+    with pytest.raises(BadRequest, match=message):
+        store.prepare(epoch, ancestors, no_fetch, TIMEOUT_S)
+    assert not store.frozen
+
+
+def test_many_resamplings_while_all_nodes_train():
+    """No deadlock, and at every commit each map is its ancestor's at the time of freezing."""
+    stores = make_stores(7, 3)
+    trained_epoch = 0
+    stop = threading.Event()
+
+    def train(store):
+        while not stop.is_set():
+            store.wait_while_frozen(SHORT_S)
+            for particle in store.own:
+                store.train(particle, trained_epoch, BEAMS, 7)
+
+    trainers = [threading.Thread(target=train, args=(s,), daemon=True) for s in stores]
+    for trainer in trainers:
+        trainer.start()
+    random = np.random.default_rng(3)
+    for epoch in range(1, 31):
+        ancestors = random.integers(7, size=7).tolist()
+        moved = prepare_all(stores, epoch, ancestors)
+        assert all(isinstance(m, Moved) for m in moved), moved
+        before = map_bytes(stores)
+        for store in stores:
+            store.commit(epoch)
+        # Nothing is trained before this thread says that the beams are of the new epoch.
+        assert map_bytes(stores) == {j: before[a] for j, a in enumerate(ancestors)}
+        steps = [store.steps for store in stores]
+        trained_epoch = epoch
+        while any(store.steps == before for store, before in zip(stores, steps)):
+            time.sleep(0.001)
+    stop.set()
+    for trainer in trainers:
+        trainer.join(TIMEOUT_S)
+
+
+# Decisions that never come
+
+
+def prepared_and_overdue(monkeypatch):
+    (store,) = make_stores(2, 1)
+    store.prepare(1, [1, 1], no_fetch, TIMEOUT_S)
+    assert not store.undecided()
+    now_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + TIMEOUT_S + 1)
+    assert store.undecided()
+    return store
+
+
+def test_the_core_says_committed(monkeypatch):
+    store = prepared_and_overdue(monkeypatch)
+    assert store.settle(core_epoch=1, core_resampling=False) == "committed"
+    assert (store.epoch, store.frozen) == (1, False)
+    assert store.maps()[0].iterations == 2
+
+
+def test_the_core_says_given_up(monkeypatch):
+    store = prepared_and_overdue(monkeypatch)
+    assert store.settle(core_epoch=0, core_resampling=False) == "aborted"
+    assert (store.epoch, store.frozen) == (0, False)
+    assert store.maps()[0].iterations == 1
+
+
+def test_the_core_is_still_at_it(monkeypatch):
+    store = prepared_and_overdue(monkeypatch)
+    assert store.settle(core_epoch=0, core_resampling=True) == ""
+    assert store.frozen
+    assert not store.undecided(), "the next question comes later"
+
+
+def test_nothing_to_settle():
+    (store,) = make_stores(2, 1)
+    assert store.settle(core_epoch=1, core_resampling=False) == ""
+    store.prepare(1, [0, 0], no_fetch, TIMEOUT_S)
+    assert store.settle(core_epoch=1, core_resampling=False) == "", "not overdue yet"
+
+
+# Training and predictions
+
+
+def test_failed_and_skipped_steps_are_counted():
+    (store,) = make_stores(1, 1)
+    with pytest.raises(RuntimeError, match="broken"):
+        store.train(0, 0, np.full((4, 3), np.nan), 7)
+    assert store.train(0, 0, -BEAMS, 7)
+    assert (store.steps, store.skipped_steps) == (1, 2)
+
+
+def test_predictions_are_each_maps_own():
+    (store,) = make_stores(3, 1)
+    positions = np.arange(12, dtype=np.float32).reshape(2, 3, 2)
+    mean, variance, noise, prior = store.predict(0, [2, 0], positions)
+    values = [store.maps()[2].value, store.maps()[0].value]
+    np.testing.assert_allclose(mean, positions[:, :, 0] + np.c_[values], rtol=1e-6)  # float32
+    assert (variance == 0.5).all() and (noise == 0.25).all() and (prior == 4.0).all()
+
+
+def test_predictions_are_refused_with_a_reason():
+    stores = make_stores(4, 2)
+    positions = np.zeros((1, 3, 2), dtype=np.float32)
+    with pytest.raises(BadRequest, match="epoch is 1; expected 0"):
+        stores[1].predict(1, [2], positions)
+    with pytest.raises(BadRequest, match="particle is 1; expected 2 .. 3"):
+        stores[1].predict(0, [1], positions)
+    stores[1].maps()[3].value = math.nan
+    with pytest.raises(BadRequest, match="prediction of particle 3 is not finite"):
+        stores[1].predict(0, [2, 3], np.zeros((2, 3, 2)))
+
+
+def test_a_prediction_waits_for_one_step_at_most():
+    step_s = 0.02
+    store = MapStore(0, 10, 1, NumberMaps(step_s))
+    stop = threading.Event()
+
+    def train():
+        while not stop.is_set():
+            for particle in store.own:
+                store.train(particle, 0, BEAMS, 7)
+
+    trainer = threading.Thread(target=train, daemon=True)
+    trainer.start()
+    waits_s = []
+    for _ in range(20):
+        time.sleep(0.003)
+        start_s = time.monotonic()
+        store.predict(0, [0], np.zeros((1, 2, 2), dtype=np.float32))
+        waits_s.append(time.monotonic() - start_s)
+    stop.set()
+    trainer.join(TIMEOUT_S)
+    # Two steps rather than one leave room for a busy machine; without fairness it is a dozen.
+    assert np.median(waits_s) < 2 * step_s
+
+
+def test_requests_go_before_steps():
+    lock = StepLock()
+    order = []
+
+    def take(turn, name):
+        with turn():
+            order.append(name)
+
+    threads = [
+        threading.Thread(target=take, args=(lock.step, "step")),
+        threading.Thread(target=take, args=(lock.request, "request")),
+    ]
+    with lock.step():
+        for thread in threads:
+            thread.start()
+            time.sleep(SHORT_S)
+    for thread in threads:
+        thread.join(TIMEOUT_S)
+    assert order == ["request", "step"]
+
+
+# Bytes
+
+
+def test_arrays_survive_the_wire():
+    array = np.random.default_rng(0).normal(size=(2, 3, 2)).astype(np.float32)
+    data = pack(array)
+    assert len(data) == 48 and data[:4] == struct.pack("<f", array[0, 0, 0])
+    np.testing.assert_array_equal(unpack("positions", data, (2, 3, 2)), array)
+
+
+def test_bad_payloads_are_refused_with_a_reason():
+    with pytest.raises(BadRequest, match=r"positions has 5 bytes; expected 16: float32 \[2, 2\]"):
+        unpack("positions", b"12345", (2, 2))
+    array = np.array([[0, 1], [np.nan, 3]], dtype=np.float32)
+    with pytest.raises(BadRequest, match=r"positions\[1, 0\] is nan; expected finite"):
+        unpack("positions", pack(array), (2, 2))
+    with pytest.raises(BadRequest, match="maps has 5 bytes; expected 6, the sum of its sizes"):
+        split("maps", b"12345", [2, 4])
+    assert split("maps", b"12345", [2, 0, 3]) == [b"12", b"", b"345"]

@@ -1,0 +1,101 @@
+"""The map nodes' parameters and the grid over the survey area."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from rbpf_svgp_slam.ros.parameters import ParameterError, validate, validate_index
+from rbpf_svgp_slam.ros.survey_grid import survey_grid, survey_origin
+
+DEFAULT = Path(__file__).parents[2] / "config" / "default.yaml"
+TRIANGLE = [[0.0, 0.0], [40, 0], [0, 20.0]]
+
+
+@pytest.fixture
+def tree():
+    parameters = yaml.safe_load(DEFAULT.read_text())
+    parameters["survey_area"] = copy.deepcopy(TRIANGLE)
+    return parameters
+
+
+def test_the_shipped_parameters_are_accepted(tree):
+    parameters = validate(tree)
+    assert parameters.particles == tree["particles"]
+    assert parameters.svgp == tree["svgp"], "every parameter has a rule, and keeps its value"
+    assert vars(parameters.map) == tree["map"]
+    assert parameters.survey_area == ((0, 0), (40, 0), (0, 20))
+
+
+@pytest.mark.parametrize(
+    "path, value, message",
+    [
+        ("particles", 0, "particles is 0; expected an integer of at least 1"),
+        ("particles", 2.0, "particles is 2.0; expected an integer of at least 1"),
+        ("particles", True, "particles is True; expected an integer"),
+        ("nodes", 41, "nodes is 41; expected at most 40"),
+        ("seed", -1, "seed is -1; expected an integer in 0 .. 2147483647"),
+        ("survey_area", [], r"survey_area is \[\]; expected a polygon"),
+        ("survey_area", [[0, 0], [1, 1], [2, 2]], "survey_area .* encloses an area"),
+        ("survey_area", [[0, 0], [1, 1], [2, float("nan")]], "survey_area .* finite"),
+        ("frames/map", "", "frames/map is ''; expected a name"),
+        ("resampling/timeout_s", 0.0, "timeout_s is 0.0; expected a number above 0"),
+        ("map/engine", "kriging", "map/engine is 'kriging'; expected one of svgp"),
+        ("map/resolution_m", float("inf"), "map/resolution_m is inf; expected a number above 0"),
+        ("map/tiles", 3, "map/tiles is unknown; expected one of engine, publish_period_s"),
+        ("svgp/kernel", ["matern12"], r"svgp/kernel is \['matern12'\]; expected one of matern12"),
+        ("svgp/jitter", "1e-4", "svgp/jitter is '1e-4'; .* in YAML write 1.0e-4, not 1e-4"),
+        ("svgp/convergence/window", 0, "svgp/convergence/window is 0; expected an integer"),
+        ("svgp/convergence/decays", 0.5, "svgp/convergence/decays is unknown"),
+        ("svgp/learn_hyperparameters", 1, "learn_hyperparameters is 1; expected true or false"),
+    ],
+)
+def test_bad_values_are_refused_with_name_value_and_expectation(tree, path, value, message):
+    *groups, leaf = path.split("/")
+    branch = tree
+    for group in groups:
+        branch = branch[group]
+    branch[leaf] = value
+    with pytest.raises(ParameterError, match=message):
+        validate(tree)
+
+
+def test_missing_parameters_are_named(tree):
+    del tree["svgp"]["kernel"]
+    with pytest.raises(ParameterError, match="rbpf_svgp_slam/svgp/kernel is not set"):
+        validate(tree)
+    with pytest.raises(ParameterError, match="expected the parameters of config/default.yaml"):
+        validate({})
+
+
+@pytest.mark.parametrize("index", [None, -1, 2, 1.0, True, "0"])
+def test_bad_indices_are_refused(index):
+    with pytest.raises(ParameterError, match="~index is .*; expected an integer in 0 .. 1"):
+        validate_index(index, 2)
+    assert validate_index(1, 2) == 1
+
+
+def test_the_origin_is_the_centre_of_the_bounding_box():
+    assert survey_origin(TRIANGLE).tolist() == [20, 10]
+
+
+def test_the_grid_covers_the_polygon_only():
+    x, y = survey_grid(TRIANGLE, 1.0, 10000).T
+    assert (x > 0).all() and (y > 0).all() and (x / 40 + y / 20 < 1).all()
+    # Cell centres approximate the area to within half a cell along the boundary.
+    assert abs(len(x) - 400) <= 0.5 * (40 + 20 + np.hypot(40, 20))
+
+
+@pytest.mark.parametrize("resolution_m", [0.001, 0.1, 0.5])
+def test_the_grid_is_coarsened_to_the_points_wanted(resolution_m):
+    points = survey_grid(TRIANGLE, resolution_m, 1000)
+    # One step of coarsening too many would leave about half of them.
+    assert 600 <= len(points) <= 1000
+
+
+def test_a_polygon_may_be_concave_and_run_either_way():
+    corner = [[0, 0], [4, 0], [4, 2], [2, 2], [2, 4], [0, 4]]
+    for area in (corner, corner[::-1]):
+        assert len(survey_grid(area, 1.0, 100)) == 12

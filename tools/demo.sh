@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# Simulates a 20-minute survey, replays it through the live nodes and writes the run folder.
+#   tools/demo.sh [--rviz] [--seed N] [DIR]      DIR: out/demo by default
+set -euo pipefail
+cd "$(dirname "$0")/.."
+tools/setup.sh
+. tools/env.sh
+
+rate=10
+seed=1
+rviz=false
+out=
+while [ $# -gt 0 ]; do
+  case $1 in
+    --rviz) rviz=true ;;
+    --seed)
+      seed=${2:?"--seed: expected a number"}
+      shift
+      ;;
+    -*)
+      echo "demo.sh: unknown option $1, expected --rviz, --seed N or a folder" >&2
+      exit 2
+      ;;
+    *) out=$1 ;;
+  esac
+  shift
+done
+out=$(realpath -m "${out:-out/demo}")
+mkdir -p "$out"
+
+echo "Simulating the survey (seed $seed) ..."
+rosrun rbpf_svgp_slam simulate_survey.py --mission demo --seed "$seed" --out "$out/survey.bag"
+echo "Replaying it $rate times faster than it was made ..."
+roslaunch --log --no-summary rbpf_svgp_slam replay.launch \
+  bag:="$out/survey.bag" survey:="$out/survey.survey.yaml" terrain:="$out/survey.terrain.npz" \
+  config:="$ROOT/config/demo.yaml" out:="$out" rate:="$rate" rviz:="$rviz"

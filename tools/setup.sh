@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Installs what is missing of tools/packages.txt and builds the package, Release, into build/.
+# Idempotent: a second run takes seconds. Arguments go to cmake, e.g. -DRBPF_NATIVE=ON.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export PATH=/usr/bin:/bin:$PATH
+
+mapfile -t packages < <(grep -v '^#' tools/packages.txt)
+missing=()
+for package in "${packages[@]}"; do
+  [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] ||
+    missing+=("$package")
+done
+if [ ${#missing[@]} -gt 0 ]; then
+  echo "Installing ${#missing[@]} packages: ${missing[*]}"
+  sudo=()
+  [ "$(id -u)" = 0 ] || sudo=(sudo)
+  "${sudo[@]}" apt-get update -qq
+  "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+fi
+
+if [ ! -f build/Makefile ] || [ $# -gt 0 ]; then
+  cmake -S . -B build -DCMAKE_BUILD_TYPE=Release -DPYTHON_EXECUTABLE=/usr/bin/python3 "$@" \
+    >build.log 2>&1 || { cat build.log; exit 1; }
+  mv build.log build/configure.log
+fi
+cmake --build build --parallel "$(nproc)" -- --no-print-directory --quiet

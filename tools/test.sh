@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# Sets up, checks the style, runs gtest, pytest and rostest, and ends with the counts.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+tools/setup.sh
+. tools/env.sh
+
+results=$ROOT/build/test_results
+rm -rf "$results"
+mkdir -p "$results"
+failed=0
+step() {
+  echo "== $1"
+  shift
+  "$@" || failed=1
+}
+
+mapfile -t cpp < <(git ls-files '*.cpp' '*.hpp')
+mapfile -t python < <(git ls-files '*.py' 'scripts/*')
+step "style" clang-format --dry-run --Werror "${cpp[@]}"
+step "style" black --check --quiet "${python[@]}"
+step "style" python3 -m flake8 "${python[@]}"
+step "style" catkin_lint -W1 --strict --offline .
+
+step "build the tests" cmake --build build --parallel "$(nproc)" --target tests -- --quiet
+for binary in build/devel/lib/rbpf_svgp_slam/test_*; do
+  name=$(basename "$binary")
+  step "gtest $name" "$binary" --gtest_brief=1 --gtest_output="xml:$results/$name.xml"
+done
+step "pytest" python3 -m pytest -q -p no:cacheprovider --junitxml="$results/pytest.xml"
+for file in test/ros/*.test; do
+  name=$(basename "$file" .test)
+  step "rostest $name" rostest --results-base-dir="$results" --results-filename="$name.xml" "$file"
+done
+
+python3 tools/count_tests.py "$results" || failed=1
+exit $failed
