@@ -42,7 +42,8 @@ inline Moments momentsOf(const Eigen::MatrixXd& samples) {
   return {mean, centred.transpose() * centred / static_cast<double>(samples.rows() - 1)};
 }
 
-// Standard error of a Gaussian sample's covariance entry: var(s_ab) = (C_aa C_bb + C_ab^2) / (n - 1).
+// Standard error of a Gaussian sample's covariance entry: var(s_ab) = (C_aa C_bb + C_ab^2) / (n -
+// 1).
 inline double covarianceError(const Eigen::MatrixXd& covariance, Eigen::Index a, Eigen::Index b,
                               Eigen::Index samples) {
   return std::sqrt((covariance(a, a) * covariance(b, b) + covariance(a, b) * covariance(a, b)) /

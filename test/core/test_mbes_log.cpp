@@ -1,8 +1,8 @@
-#include "rbpf_core/mbes_log.hpp"
-
 #include <gtest/gtest.h>
 
 #include <vector>
+
+#include "rbpf_core/mbes_log.hpp"
 
 namespace rbpf_core {
 namespace {

@@ -1,11 +1,11 @@
-#include "rbpf_core/motion_model.hpp"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "rbpf_core/motion_model.hpp"
 
 namespace rbpf_core {
 namespace {

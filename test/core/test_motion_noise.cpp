@@ -12,7 +12,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-struct Run {
+struct Leg {
   double speed_mps, yaw_rate_radps;
   double duration_s, rate_hz;
   MotionNoise noise;
@@ -21,18 +21,18 @@ struct Run {
   double step_s() const { return 1.0 / rate_hz; }
 };
 
-// [n, 3]: x, y and yaw (not wrapped) of n particles that start at the origin, after the run.
-Eigen::MatrixXd sampleEnds(const Run& run, Eigen::Index particles) {
-  const MotionIncrement motion{run.step_s(), run.speed_mps * run.step_s(), 0.0,
-                               run.yaw_rate_radps * run.step_s()};
+// [n, 3]: x, y and yaw (not wrapped) of n particles that start at the origin, after the leg.
+Eigen::MatrixXd sampleEnds(const Leg& leg, Eigen::Index particles) {
+  const MotionIncrement motion{leg.step_s(), leg.speed_mps * leg.step_s(), 0.0,
+                               leg.yaw_rate_radps * leg.step_s()};
   Eigen::MatrixXd ends(particles, 3);
   for (Eigen::Index j = 0; j < particles; ++j) {
     RandomStream stream = makeStream(1, StreamPurpose::kMotion, static_cast<std::uint64_t>(j));
     Pose2 pose;
     double yaw = 0.0;
-    for (int k = 0; k < run.steps(); ++k) {
+    for (int k = 0; k < leg.steps(); ++k) {
       const double before = pose.yaw_rad;
-      pose = advanceNoisily(pose, motion, run.noise, stream);
+      pose = advanceNoisily(pose, motion, leg.noise, stream);
       yaw += wrapAngle(pose.yaw_rad - before);
     }
     ends.row(j) << pose.x_m, pose.y_m, yaw;
@@ -41,17 +41,17 @@ Eigen::MatrixXd sampleEnds(const Run& run, Eigen::Index particles) {
 }
 
 // Exact moments of x + i y = sum_k exp(i phi_k) (f_k + i l_k), where the halfway headings phi_k are
-// sums of the independent yaw steps delta ~ N(omega dt, s^2): phi_k = sum_{i<k} delta_i + delta_k/2,
-// and E exp(i a) = exp(i E a - var(a) / 2) for Gaussian a.
-Moments exactMoments(const Run& run) {
-  const double dt = run.step_s();
-  const double yaw_variance = run.noise.yaw_std_rad * run.noise.yaw_std_rad * dt;
-  const double surge_variance = run.noise.surge_std_m * run.noise.surge_std_m * dt;
-  const double sway_variance = run.noise.sway_std_m * run.noise.sway_std_m * dt;
-  const double forward = run.speed_mps * dt;
-  const double turn = run.yaw_rate_radps * dt;
+// sums of the independent yaw steps delta ~ N(omega dt, s^2): phi_k = sum_{i<k} delta_i +
+// delta_k/2, and E exp(i a) = exp(i E a - var(a) / 2) for Gaussian a.
+Moments exactMoments(const Leg& leg) {
+  const double dt = leg.step_s();
+  const double yaw_variance = leg.noise.yaw_std_rad * leg.noise.yaw_std_rad * dt;
+  const double surge_variance = leg.noise.surge_std_m * leg.noise.surge_std_m * dt;
+  const double sway_variance = leg.noise.sway_std_m * leg.noise.sway_std_m * dt;
+  const double forward = leg.speed_mps * dt;
+  const double turn = leg.yaw_rate_radps * dt;
   const Complex i(0.0, 1.0);
-  const int n = run.steps();
+  const int n = leg.steps();
 
   Complex mean, square, yaw_product;  // E p, E p^2, E p (yaw - E yaw)
   double modulus = 0.0;               // E |p|^2
@@ -96,12 +96,12 @@ void expectMoments(const Eigen::MatrixXd& samples, const Moments& expected) {
 
 // The limit of short steps and small yaw noise, a straight line along x:
 //   var x = s^2 T,  var y = w^2 T + v^2 q^2 T^3 / 3,  cov(y, yaw) = v q^2 T^2 / 2,  var yaw = q^2 T
-Moments straightLineMoments(const Run& run) {
-  const double T = run.duration_s;
-  const double v = run.speed_mps;
-  const double s2 = run.noise.surge_std_m * run.noise.surge_std_m;
-  const double w2 = run.noise.sway_std_m * run.noise.sway_std_m;
-  const double q2 = run.noise.yaw_std_rad * run.noise.yaw_std_rad;
+Moments straightLineMoments(const Leg& leg) {
+  const double T = leg.duration_s;
+  const double v = leg.speed_mps;
+  const double s2 = leg.noise.surge_std_m * leg.noise.surge_std_m;
+  const double w2 = leg.noise.sway_std_m * leg.noise.sway_std_m;
+  const double q2 = leg.noise.yaw_std_rad * leg.noise.yaw_std_rad;
   Moments moments{Eigen::RowVector3d(v * T, 0.0, 0.0), Eigen::Matrix3d::Zero()};
   moments.covariance(0, 0) = s2 * T;
   moments.covariance(1, 1) = w2 * T + v * v * q2 * T * T * T / 3.0;
@@ -116,8 +116,8 @@ constexpr Eigen::Index kParticles = 4000;
 TEST(MotionNoise, SpreadsAStraightLineAlikeAt5And20And100Hz) {
   for (const double rate_hz : {5.0, 20.0, 100.0}) {
     SCOPED_TRACE(rate_hz);
-    const Run run{2.0, 0.0, 10.0, rate_hz, {0.2, 0.1, 0.01}};
-    expectMoments(sampleEnds(run, kParticles), straightLineMoments(run));
+    const Leg leg{2.0, 0.0, 10.0, rate_hz, {0.2, 0.1, 0.01}};
+    expectMoments(sampleEnds(leg, kParticles), straightLineMoments(leg));
   }
 }
 
@@ -125,14 +125,14 @@ TEST(MotionNoise, SpreadsAStraightLineAlikeAt5And20And100Hz) {
 TEST(MotionNoise, HasTheExactMomentsOfANoisyTurn) {
   for (const double rate_hz : {2.0, 20.0}) {
     SCOPED_TRACE(rate_hz);
-    const Run run{1.5, 0.2, 10.0, rate_hz, {0.3, 0.1, 0.2}};
-    expectMoments(sampleEnds(run, kParticles), exactMoments(run));
+    const Leg leg{1.5, 0.2, 10.0, rate_hz, {0.3, 0.1, 0.2}};
+    expectMoments(sampleEnds(leg, kParticles), exactMoments(leg));
   }
 }
 
 TEST(MotionNoise, GrowsWithTheTimeSinceTheLastMessage) {
-  Run run{0.0, 0.0, 8.0, 0.125, {0.2, 0.1, 0.01}};  // one message, after a gap of 8 s
-  expectMoments(sampleEnds(run, kParticles), straightLineMoments(run));
+  Leg leg{0.0, 0.0, 8.0, 0.125, {0.2, 0.1, 0.01}};  // one message, after a gap of 8 s
+  expectMoments(sampleEnds(leg, kParticles), straightLineMoments(leg));
 }
 
 TEST(MotionNoise, LiesAlongTheVehicleNotAlongTheMap) {

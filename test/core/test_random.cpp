@@ -1,5 +1,3 @@
-#include "rbpf_core/random.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 #include <set>
 #include <vector>
 
+#include "rbpf_core/random.hpp"
 #include "statistics.hpp"
 
 namespace rbpf_core {
@@ -51,8 +50,7 @@ TEST(RandomStream, UniformHasTheMomentsOfTheUnitInterval) {
   }
   // E u = 1/2, var u = 1/12; E u^2 = 1/3, var u^2 = 4/45
   EXPECT_NEAR(sum / kDraws, 0.5, kStandardErrors * std::sqrt(1.0 / 12.0 / kDraws));
-  EXPECT_NEAR(sum_of_squares / kDraws, 1.0 / 3.0,
-              kStandardErrors * std::sqrt(4.0 / 45.0 / kDraws));
+  EXPECT_NEAR(sum_of_squares / kDraws, 1.0 / 3.0, kStandardErrors * std::sqrt(4.0 / 45.0 / kDraws));
 }
 
 TEST(MakeStream, IsAFunctionOfItsArgumentsAlone) {

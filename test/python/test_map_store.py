@@ -1,4 +1,4 @@
-"""The share of maps and the two phases of a resampling, with maps that are plain numbers."""
+"""Training, predictions and the two phases of a resampling, with maps that are plain numbers."""
 
 import math
 import struct
@@ -9,9 +9,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from rbpf_svgp_slam.ros.map_store import MapStore, Moved, share
-from rbpf_svgp_slam.ros.payload import BadRequest, pack, split, unpack
-from rbpf_svgp_slam.ros.step_lock import StepLock
+from rbpf_svgp_slam.ros.map_store import MapStore, Moved
+from rbpf_svgp_slam.ros.payload import BadRequest
 
 TIMEOUT_S = 5.0  # for what is expected to happen: reached only by a bug
 SHORT_S = 0.05  # for what is expected not to happen
@@ -126,23 +125,6 @@ def in_threads(*calls):
 def prepare_all(stores, epoch, ancestors):
     fetch = fetch_from(stores)
     return in_threads(*(lambda s=s: s.prepare(epoch, ancestors, fetch, TIMEOUT_S) for s in stores))
-
-
-# Shares
-
-
-@pytest.mark.parametrize("particles", [1, 2, 5, 7, 40, 100])
-@pytest.mark.parametrize("nodes", [1, 2, 3, 4, 7])
-def test_shares_cover_all_particles_and_differ_by_at_most_one(particles, nodes):
-    shares = [share(particles, nodes, k) for k in range(nodes)]
-    assert [j for part in shares for j in part] == list(range(particles))
-    sizes = [len(part) for part in shares]
-    assert max(sizes) - min(sizes) <= 1
-    assert sizes == sorted(sizes, reverse=True)
-
-
-def test_five_particles_on_two_nodes():
-    assert [share(5, 2, 0), share(5, 2, 1)] == [range(0, 3), range(3, 5)]
 
 
 # Resampling
@@ -405,45 +387,3 @@ def test_a_prediction_waits_for_one_step_at_most():
     trainer.join(TIMEOUT_S)
     # Two steps rather than one leave room for a busy machine; without fairness it is a dozen.
     assert np.median(waits_s) < 2 * step_s
-
-
-def test_requests_go_before_steps():
-    lock = StepLock()
-    order = []
-
-    def take(turn, name):
-        with turn():
-            order.append(name)
-
-    threads = [
-        threading.Thread(target=take, args=(lock.step, "step")),
-        threading.Thread(target=take, args=(lock.request, "request")),
-    ]
-    with lock.step():
-        for thread in threads:
-            thread.start()
-            time.sleep(SHORT_S)
-    for thread in threads:
-        thread.join(TIMEOUT_S)
-    assert order == ["request", "step"]
-
-
-# Bytes
-
-
-def test_arrays_survive_the_wire():
-    array = np.random.default_rng(0).normal(size=(2, 3, 2)).astype(np.float32)
-    data = pack(array)
-    assert len(data) == 48 and data[:4] == struct.pack("<f", array[0, 0, 0])
-    np.testing.assert_array_equal(unpack("positions", data, (2, 3, 2)), array)
-
-
-def test_bad_payloads_are_refused_with_a_reason():
-    with pytest.raises(BadRequest, match=r"positions has 5 bytes; expected 16: float32 \[2, 2\]"):
-        unpack("positions", b"12345", (2, 2))
-    array = np.array([[0, 1], [np.nan, 3]], dtype=np.float32)
-    with pytest.raises(BadRequest, match=r"positions\[1, 0\] is nan; expected finite"):
-        unpack("positions", pack(array), (2, 2))
-    with pytest.raises(BadRequest, match="maps has 5 bytes; expected 6, the sum of its sizes"):
-        split("maps", b"12345", [2, 4])
-    assert split("maps", b"12345", [2, 0, 3]) == [b"12", b"", b"345"]

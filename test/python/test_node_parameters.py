@@ -1,4 +1,4 @@
-"""The map nodes' parameters and the grid over the survey area."""
+"""The map nodes' parameters, shares of particles, and grid over the survey area."""
 
 import copy
 from pathlib import Path
@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
+from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.ros.map_store import share
 from rbpf_svgp_slam.ros.parameters import ParameterError, validate, validate_index
 from rbpf_svgp_slam.ros.survey_grid import survey_grid, survey_origin
 
@@ -24,8 +26,10 @@ def tree():
 def test_the_shipped_parameters_are_accepted(tree):
     parameters = validate(tree)
     assert parameters.particles == tree["particles"]
-    assert parameters.svgp == tree["svgp"], "every parameter has a rule, and keeps its value"
     assert vars(parameters.map) == tree["map"]
+    assert parameters.svgp == tree["svgp"]
+    factory = make_factory(parameters)
+    assert factory.minibatch_size == tree["svgp"]["minibatch_size"]
     assert parameters.survey_area == ((0, 0), (40, 0), (0, 20))
 
 
@@ -44,12 +48,9 @@ def test_the_shipped_parameters_are_accepted(tree):
         ("resampling/timeout_s", 0.0, "timeout_s is 0.0; expected a number above 0"),
         ("map/engine", "kriging", "map/engine is 'kriging'; expected one of svgp"),
         ("map/resolution_m", float("inf"), "map/resolution_m is inf; expected a number above 0"),
-        ("map/tiles", 3, "map/tiles is unknown; expected one of engine, publish_period_s"),
-        ("svgp/kernel", ["matern12"], r"svgp/kernel is \['matern12'\]; expected one of matern12"),
-        ("svgp/jitter", "1e-4", "svgp/jitter is '1e-4'; .* in YAML write 1.0e-4, not 1e-4"),
-        ("svgp/convergence/window", 0, "svgp/convergence/window is 0; expected an integer"),
-        ("svgp/convergence/decays", 0.5, "svgp/convergence/decays is unknown"),
-        ("svgp/learn_hyperparameters", 1, "learn_hyperparameters is 1; expected true or false"),
+        ("map/tiles", 3, "map/tiles is unknown; expected one of engine, threads"),
+        ("map/resolution_m", "1e-1", "map/resolution_m is '1e-1'; .* in YAML write 1.0e-4"),
+        ("svgp", 3, "svgp is 3; expected a group of parameters"),
     ],
 )
 def test_bad_values_are_refused_with_name_value_and_expectation(tree, path, value, message):
@@ -63,8 +64,8 @@ def test_bad_values_are_refused_with_name_value_and_expectation(tree, path, valu
 
 
 def test_missing_parameters_are_named(tree):
-    del tree["svgp"]["kernel"]
-    with pytest.raises(ParameterError, match="rbpf_svgp_slam/svgp/kernel is not set"):
+    del tree["map"]["threads"]
+    with pytest.raises(ParameterError, match="rbpf_svgp_slam/map/threads is not set"):
         validate(tree)
     with pytest.raises(ParameterError, match="expected the parameters of config/default.yaml"):
         validate({})
@@ -99,3 +100,17 @@ def test_a_polygon_may_be_concave_and_run_either_way():
     corner = [[0, 0], [4, 0], [4, 2], [2, 2], [2, 4], [0, 4]]
     for area in (corner, corner[::-1]):
         assert len(survey_grid(area, 1.0, 100)) == 12
+
+
+@pytest.mark.parametrize("particles", [1, 2, 5, 7, 40, 100])
+@pytest.mark.parametrize("nodes", [1, 2, 3, 4, 7])
+def test_shares_cover_all_particles_and_differ_by_at_most_one(particles, nodes):
+    shares = [share(particles, nodes, k) for k in range(nodes)]
+    assert [j for part in shares for j in part] == list(range(particles))
+    sizes = [len(part) for part in shares]
+    assert max(sizes) - min(sizes) <= 1
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_five_particles_on_two_nodes():
+    assert [share(5, 2, 0), share(5, 2, 1)] == [range(0, 3), range(3, 5)]

@@ -316,7 +316,8 @@ class ResamplingTest(unittest.TestCase):
     # The process
 
     def start_node(self, *arguments):
-        (node,) = roslib.packages.find_node("rbpf_svgp_slam", "svgp_node.py")
+        # The first is the one that roslaunch would start; the source tree may hold another.
+        node = roslib.packages.find_node("rbpf_svgp_slam", "svgp_node.py")[0]
         return subprocess.Popen(
             [node, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
@@ -333,7 +334,10 @@ class ResamplingTest(unittest.TestCase):
         self.assertEqual(node.returncode, 0, output)
 
     def test_a_bad_start_is_refused_with_a_reason(self):
+        rospy.set_param("/wrong/rbpf_svgp_slam", rospy.get_param("rbpf_svgp_slam"))
+        rospy.set_param("/wrong/rbpf_svgp_slam/svgp/kernel", "periodic")
         for arguments, message in [
+            (["__ns:=/wrong"], "rbpf_svgp_slam/svgp/kernel is 'periodic'; expected one of"),
             (["__name:=svgp_node_2", "_index:=2"], "~index is 2; expected an integer in 0 .. 1"),
             (["__name:=other", "_index:=1"], "name is other; expected svgp_node_1"),
             (["__ns:=/nowhere", "__name:=svgp_node_0", "_index:=0"], "config/default.yaml"),

@@ -12,7 +12,7 @@ import rospy
 import torch
 
 from rbpf_svgp_slam import srv
-from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.maps import MapFactory
 from rbpf_svgp_slam.msg import MapStatus
 from rbpf_svgp_slam.ros.core_client import MinibatchFeed, Minibatches
 from rbpf_svgp_slam.ros.map_publisher import MapPublisher
@@ -56,12 +56,11 @@ def answers_bad_requests(response_class: type) -> Callable:
 class MapNode:
     """Services and topics around a MapStore, and the training loop."""
 
-    def __init__(self, index: int, parameters: NodeParameters) -> None:
+    def __init__(self, index: int, parameters: NodeParameters, factory: MapFactory) -> None:
         torch.set_num_threads(parameters.map.threads)
         self._index = index
         self._engine = parameters.map.engine
         self._timeout_s = parameters.resampling_timeout_s
-        factory = make_factory(parameters)
         self._store = MapStore(index, parameters.particles, parameters.nodes, factory)
         self._peers = Peers(self._engine, FETCH_SHARE * self._timeout_s)
         self._publisher = MapPublisher(self._store, parameters)

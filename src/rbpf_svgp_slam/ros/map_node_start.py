@@ -18,7 +18,7 @@ from rbpf_svgp_slam.ros.parameters import (
 def start() -> int | str:
     """Run the node until shutdown; returns what sys.exit() takes."""
     try:
-        parameters = _load_parameters()
+        parameters = load_parameters()
         # Numerical libraries read it once, when they are loaded; rospy already loads one.
         os.environ["OMP_NUM_THREADS"] = str(parameters.map.threads)
         return _run(parameters)
@@ -28,7 +28,7 @@ def start() -> int | str:
         return 0
 
 
-def _load_parameters() -> NodeParameters:
+def load_parameters() -> NodeParameters:
     """From the parameter server, relative to the namespace that the node is started in."""
     name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), GROUP)
     try:
@@ -44,8 +44,13 @@ def _load_parameters() -> NodeParameters:
 def _run(parameters: NodeParameters) -> int:
     import rospy
 
+    from rbpf_svgp_slam.maps import make_factory
     from rbpf_svgp_slam.ros.map_node import MapNode
 
+    try:
+        factory = make_factory(parameters)
+    except (ValueError, NotImplementedError) as error:  # the engine's own parameters
+        raise ParameterError(f"{GROUP}/{error}") from None
     rospy.init_node("svgp_node")
     index = validate_index(rospy.get_param("~index", None), parameters.nodes)
     own_name = rospy.get_name().split("/")[-1]
@@ -54,5 +59,5 @@ def _run(parameters: NodeParameters) -> int:
         raise ParameterError(
             f"the node's name is {own_name}; expected svgp_node_{index}, by ~index"
         )
-    MapNode(index, parameters).spin()
+    MapNode(index, parameters, factory).spin()
     return 0

@@ -6,10 +6,11 @@ import math
 import threading
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, ContextManager, Protocol, Sequence
+from typing import Callable, ContextManager, Sequence
 
 import numpy as np
 
+from rbpf_svgp_slam.maps import MapEngine, MapFactory
 from rbpf_svgp_slam.ros.payload import BadRequest
 from rbpf_svgp_slam.ros.step_lock import StepLock
 
@@ -17,16 +18,6 @@ from rbpf_svgp_slam.ros.step_lock import StepLock
 Fetch = Callable[[int, "dict[int, list[int]]"], "dict[int, bytes]"]
 # How soon after a failed preparation the core is asked whether the resampling has been given up.
 RETRY_S = 1.0
-
-
-class MapFactory(Protocol):
-    """Makes and restores the maps of one engine."""
-
-    def create(self) -> Any:
-        """A new map; all are equal."""
-
-    def load(self, data: bytes) -> Any:
-        """The map that wrote the bytes, independent of it."""
 
 
 def share(particles: int, nodes: int, index: int) -> range:
@@ -49,7 +40,7 @@ class _Resampling:
     """A resampling under way at this node, from freezing to commit or abort."""
 
     epoch: int  # that it leads to
-    generation: dict[int, Any] | None = None  # the maps it leads to, once they are all here
+    generation: dict[int, MapEngine] | None = None  # the maps it leads to, once they are all here
     ask_at_s: float = math.inf  # monotonic; the core is asked for the outcome from then on
 
 
@@ -109,11 +100,11 @@ class MapStore:
             self.epoch = epoch
             self._thaw()
 
-    def maps(self) -> dict[int, Any]:
+    def maps(self) -> dict[int, MapEngine]:
         """The maps by particle, to be looked at by the thread that trains them."""
         return self._maps
 
-    def snapshot(self, particle: int) -> Any:
+    def snapshot(self, particle: int) -> MapEngine:
         """An independent copy of a map, which training leaves alone; to be used in one's `turn`."""
         with self.turn():
             return self._factory.load(self._maps[particle].to_bytes())
@@ -204,7 +195,7 @@ class MapStore:
 
     def _next_generation(
         self, epoch: int, ancestors: Sequence[int], fetch: Fetch
-    ) -> tuple[dict[int, Any], Moved]:
+    ) -> tuple[dict[int, MapEngine], Moved]:
         """The maps after the resampling; nobody trains meanwhile. A survivor stays where it is."""
         inherited = {ancestors[j] for j in self.own if ancestors[j] != j}
         wanted = {
@@ -221,7 +212,7 @@ class MapStore:
                 generation[j] = self._inherit(j, ancestors[j], data)
         return generation, moved
 
-    def _inherit(self, particle: int, ancestor: int, data: dict[int, bytes]) -> Any:
+    def _inherit(self, particle: int, ancestor: int, data: dict[int, bytes]) -> MapEngine:
         if particle == ancestor:
             return self._maps[particle]
         if ancestor not in data:

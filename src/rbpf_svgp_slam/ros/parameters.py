@@ -13,7 +13,7 @@ from rbpf_svgp_slam.ros.rules import (
     Rule,
     at_least,
     choice,
-    flag,
+    group,
     integer,
     name,
     polygon,
@@ -51,10 +51,11 @@ class NodeParameters:
     map_frame: str
     resampling_timeout_s: float
     map: MapParameters
-    svgp: dict[str, Any]  # group `svgp` as in the yaml file
+    svgp: dict[str, Any]  # group `svgp`, for the engine of that name to check
 
 
-# Every parameter under `map/` and `svgp/`, and those of other groups that a map node needs.
+# Every parameter under `map/`, and those of other groups that a map node needs. The engine's own
+# group is checked by the engine's settings.
 COMMON_RULES = {
     "particles": integer(1),
     "nodes": integer(1),
@@ -68,23 +69,6 @@ MAP_RULES = {
     "threads": integer(1),
     "resolution_m": positive(),
     "publish_period_s": at_least(0.0),
-}
-SVGP_RULES = {
-    "inducing_points": integer(1),
-    "minibatch_size": integer(1),
-    "kernel": choice("matern12", "matern32", "matern52"),
-    "optimizer": choice("adam"),
-    "learning_rate": positive(),
-    "lengthscale_m": positive(),
-    "outputscale_m2": positive(),
-    "noise_std_m": positive(),
-    "jitter": positive(below=1.0),
-    "learn_inducing_points": flag(),
-    "learn_hyperparameters": flag(),
-    "convergence/decay": positive(below=1.0),
-    "convergence/window": integer(1),
-    "convergence/tolerance": positive(),
-    "device": choice("cpu", "cuda"),
 }
 
 
@@ -105,8 +89,8 @@ def validate(tree: dict[str, Any]) -> NodeParameters:
         survey_area=common["survey_area"],
         map_frame=common["frames/map"],
         resampling_timeout_s=common["resampling/timeout_s"],
-        map=MapParameters(**_group(tree, "map", MAP_RULES)),
-        svgp=_group(tree, "svgp", SVGP_RULES),
+        map=_map_parameters(tree),
+        svgp=_value(tree, "svgp", group()),
     )
 
 
@@ -119,21 +103,12 @@ def validate_index(index: Any, nodes: int) -> int:
     return index
 
 
-def _group(tree: dict[str, Any], group: str, rules: dict[str, Rule]) -> dict[str, Any]:
-    """All values of a group, nested as in the tree; paths without a rule are refused."""
-    for path in _leaves(tree.get(group, {})):
-        if path not in rules:
-            raise ParameterError(
-                f"{GROUP}/{group}/{path} is unknown; expected one of {', '.join(sorted(rules))}"
-            )
-    values: dict[str, Any] = {}
-    for path, rule in rules.items():
-        *branches, leaf = path.split("/")
-        branch = values
-        for part in branches:
-            branch = branch.setdefault(part, {})
-        branch[leaf] = _value(tree, f"{group}/{path}", rule)
-    return values
+def _map_parameters(tree: dict[str, Any]) -> MapParameters:
+    for unknown in set(_value(tree, "map", group())).difference(MAP_RULES):
+        raise ParameterError(
+            f"{GROUP}/map/{unknown} is unknown; expected one of {', '.join(MAP_RULES)}"
+        )
+    return MapParameters(**{key: _value(tree, f"map/{key}", MAP_RULES[key]) for key in MAP_RULES})
 
 
 def _value(tree: dict[str, Any], path: str, rule: Rule) -> Any:
@@ -145,12 +120,6 @@ def _value(tree: dict[str, Any], path: str, rule: Rule) -> Any:
     if not rule.accepts(value):
         raise ParameterError(f"{GROUP}/{path} is {value!r}; expected {rule.expected}{_hint(value)}")
     return rule.convert(value)
-
-
-def _leaves(tree: Any, prefix: str = "") -> list[str]:
-    if not isinstance(tree, dict):
-        return [prefix.rstrip("/")]
-    return [leaf for part, below in tree.items() for leaf in _leaves(below, f"{prefix}{part}/")]
 
 
 def _hint(value: Any) -> str:

@@ -32,10 +32,9 @@ def at_least(least: float) -> Rule:
     return Rule(expected, lambda value: _is_number(value) and value >= least, float)
 
 
-def positive(below: float = math.inf) -> Rule:
-    """A finite number in (0, below)."""
-    expected = "a number above 0" + (f" and below {below:g}" if below < math.inf else "")
-    return Rule(expected, lambda value: _is_number(value) and 0 < value < below, float)
+def positive() -> Rule:
+    """A finite number in (0, inf)."""
+    return Rule("a number above 0", lambda value: _is_number(value) and value > 0, float)
 
 
 def choice(*options: str) -> Rule:
@@ -43,9 +42,9 @@ def choice(*options: str) -> Rule:
     return Rule(f"one of {', '.join(options)}", lambda value: value in options)
 
 
-def flag() -> Rule:
-    """A truth value."""
-    return Rule("true or false", lambda value: isinstance(value, bool))
+def group() -> Rule:
+    """A group of parameters."""
+    return Rule("a group of parameters", lambda value: isinstance(value, dict))
 
 
 def name() -> Rule:

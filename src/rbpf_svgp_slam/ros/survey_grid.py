@@ -34,10 +34,10 @@ def _grid(vertices: np.ndarray, resolution_m: float) -> np.ndarray:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     x, y = (np.arange(low[i] + resolution_m / 2, high[i], resolution_m) for i in range(2))
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    return points[_inside(points, vertices)]
+    return points[inside(points, vertices)]
 
 
-def _inside(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def inside(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Even-odd rule: [n] bool for points [n, 2] in the polygon of vertices [V, 2]."""
     x, y = points.T
     inside = np.zeros(len(points), dtype=bool)

@@ -15,11 +15,11 @@ class DeadReckoningNoise:
     The biases are constant through a survey and drawn once, with these standard deviations.
     """
 
-    surge_m_per_sqrt_s: float = 0.2
-    sway_m_per_sqrt_s: float = 0.2
-    yaw_rad_per_sqrt_s: float = 0.0005
+    surge_m_per_sqrt_s: float = 0.08
+    sway_m_per_sqrt_s: float = 0.08
+    yaw_rad_per_sqrt_s: float = 0.0025
     surge_scale: float = 0.005  # relative
-    gyro_bias_radps: float = 2e-5
+    gyro_bias_radps: float = 5e-5
     depth_m: float = 0.01  # white, each sample
     attitude_rad: float = math.radians(0.05)  # white, each sample, roll and pitch
 

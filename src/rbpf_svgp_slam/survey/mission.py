@@ -53,7 +53,7 @@ class Mission:
 
 _DEGREE = math.pi / 180
 
-_LOLO = DeadReckoningNoise(surge_m_per_sqrt_s=0.15, sway_m_per_sqrt_s=0.15)
+_LOLO = DeadReckoningNoise(yaw_rad_per_sqrt_s=0.0015, gyro_bias_radps=2e-5)
 _HUGIN = DeadReckoningNoise(
     surge_m_per_sqrt_s=0.12,
     sway_m_per_sqrt_s=0.12,

@@ -94,12 +94,13 @@ def save_terrain(path, terrain):
 def generate_terrain(lower_m, upper_m, resolution_m, mean_m, rng):
     """Fractal relief plus dunes over the box lower_m .. upper_m ([2] each), around height mean_m.
 
-    Relief is several metres from peak to trough, in features of about 5 to 40 m: what a vehicle
-    with a 50 m swath can tell its position by.
+    Relief is several metres from peak to trough, mostly in features of 15 to 80 m, as seabeds are:
+    their power falls steeply with frequency. It is what a vehicle with a 50 m swath can tell its
+    position by.
     """
     lower_m = np.asarray(lower_m, float)
     shape = np.ceil((np.asarray(upper_m) - lower_m) / resolution_m).astype(int) + 1
-    fractal_m = 1.3 * _fractal(shape, resolution_m, (5.0, 90.0), 2.8, rng)
+    fractal_m = 1.6 * _fractal(shape, resolution_m, (6.0, 150.0), 3.6, rng)
     dunes_m = 0.9 * _dunes(shape, resolution_m, rng)
     z_m = mean_m + fractal_m + dunes_m
     return Terrain(z_m.astype(np.float32), float(resolution_m), lower_m)
@@ -120,12 +121,12 @@ def _fractal(shape, resolution_m, wavelengths_m, exponent, rng):
 
 
 def _dunes(shape, resolution_m, rng):
-    """Dunes [nx, ny] of about unit height and 25 m wavelength; winding crests, steep lee sides."""
+    """Dunes [nx, ny] of about unit height and 40 m wavelength; winding crests, steep lee sides."""
     heading_rad = rng.uniform(0, np.pi)
     x_m = resolution_m * np.arange(shape[0])[:, None]
     y_m = resolution_m * np.arange(shape[1])[None, :]
     along_m = x_m * np.cos(heading_rad) + y_m * np.sin(heading_rad)
     winding_m = 8.0 * _fractal(shape, resolution_m, (40.0, 200.0), 3.0, rng)
-    phase = 2 * np.pi * (along_m + winding_m) / 25.0
+    phase = 2 * np.pi * (along_m + winding_m) / 40.0
     strength = 1 + 0.4 * _fractal(shape, resolution_m, (60.0, 200.0), 3.0, rng)
     return strength * (np.sin(phase) + 0.3 * np.sin(2 * phase))

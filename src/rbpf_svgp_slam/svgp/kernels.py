@@ -82,8 +82,8 @@ class Correlation:
         self._lengthscale_m = lengthscale_m
         factor = self.kernel.scale / lengthscale_m
         # one contiguous row per coordinate: broadcasting strided ones is six times slower
-        zx, zy = Z.T.contiguous().mul_(factor)
-        xx, xy = X.T.contiguous().mul_(factor)
+        zx, zy = (Z.T * factor).contiguous()
+        xx, xy = (X.T * factor).contiguous()
         # t² = dx² + dy², dx = (z − x)·ν̃/ℓ
         torch.sub(zx[:, None], xx, out=self._dx)
         torch.sub(zy[:, None], xy, out=self._dy)

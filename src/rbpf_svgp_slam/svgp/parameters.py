@@ -3,12 +3,15 @@
 One vector makes the optimizer a handful of operations, whatever the number of parameters.
 """
 
+import functools
 import math
 
+import numpy as np
 import torch
 
-#: Floor of the noise variance, m²: the default constraint of GPyTorch's GaussianLikelihood.
-NOISE_VARIANCE_FLOOR_M2 = 1e-4
+#: Smallest ℓ [m], o [m²] and σ² [m²]. The last is the default of GPyTorch's GaussianLikelihood,
+#: a σ of 1 cm; the others only keep divisions by ℓ and √o finite.
+FLOORS = (1e-6, 1e-6, 1e-4)
 
 
 class Parameters:
@@ -32,18 +35,41 @@ class Parameters:
         self.variational, self.model = self.flat.split([S + S * S, 2 * S + 4])
 
     def set_hyperparameters(self, lengthscale_m, outputscale_m2, noise_variance_m2):
-        """Set ℓ, o and σ² from their values."""
-        values = lengthscale_m, outputscale_m2, noise_variance_m2 - NOISE_VARIANCE_FLOOR_M2
-        self.raw.copy_(torch.tensor([inverse_softplus(v) for v in values], dtype=torch.float64))
+        """Set ℓ, o and σ² from their values, which have to be above their floors."""
+        values = zip((lengthscale_m, outputscale_m2, noise_variance_m2), FLOORS)
+        raw = [inverse_softplus(value - floor) for value, floor in values]
+        self.raw.copy_(torch.tensor(raw, dtype=torch.float64))
 
     def hyperparameters(self):
         """Return ℓ [m], o [m²] and σ² [m²], in double precision."""
-        lengthscale, outputscale, noise = (softplus(v) for v in self.raw.tolist())
-        return lengthscale, outputscale, noise + NOISE_VARIANCE_FLOOR_M2
+        return [softplus(raw) + floor for raw, floor in zip(self.raw.tolist(), FLOORS)]
 
     def hyperparameter_slopes(self):
         """Return ∂ℓ/∂raw, ∂o/∂raw and ∂σ²/∂raw: the logistic function of each raw value."""
-        return [1.0 / (1.0 + math.exp(-v)) for v in self.raw.tolist()]
+        return [1.0 / (1.0 + math.exp(-raw)) for raw in self.raw.tolist()]
+
+    @property
+    def packed_size(self):
+        """Numbers that `pack` returns: S + S(S + 1)/2 + 2S + 4."""
+        return len(self.flat) - len(self.m) * (len(self.m) - 1) // 2
+
+    def pack(self, vector):
+        """Array [packed_size] of a vector like `flat`, less R's upper triangle."""
+        return vector.cpu().numpy()[_packed_index(len(self.m))]
+
+    def unpack(self, array, vector):
+        """Fill a vector like `flat` from what `pack` returned."""
+        full = np.zeros(len(vector), dtype=array.dtype)
+        full[_packed_index(len(self.m))] = array
+        vector.copy_(torch.from_numpy(full))
+
+
+@functools.lru_cache(maxsize=1)
+def _packed_index(S):
+    """Where in `flat` the numbers are that can differ from zero."""
+    rows, columns = np.tril_indices(S)
+    after = S + S * S + np.arange(2 * S + 4)
+    return np.concatenate([np.arange(S), S + S * rows + columns, after])
 
 
 def softplus(x):

@@ -1,0 +1,56 @@
+"""Engines by name, and the factory that makes and restores the maps of one node."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+
+from rbpf_svgp_slam.maps.engine import MapEngine
+
+#: Name under `map/engine`, which is also the engine's parameter group: module and class.
+ENGINES = {"svgp": ("rbpf_svgp_slam.svgp.svgp_map", "SvgpMap")}
+
+
+def make_engine_class(name: str) -> type[MapEngine]:
+    """The engine's class; only this engine's libraries are imported."""
+    if name not in ENGINES:
+        raise ValueError(f"map/engine is {name!r}; expected one of {', '.join(ENGINES)}")
+    module, class_name = ENGINES[name]
+    return getattr(importlib.import_module(module), class_name)
+
+
+class MapFactory:
+    """Makes equal maps and restores copies of them."""
+
+    def __init__(self, engine: str, config: Any, survey_area: np.ndarray) -> None:
+        """survey_area: polygon [V, 2] relative to the survey origin, m."""
+        self._engine_class = make_engine_class(engine)
+        self._config = config
+        self._survey_area = survey_area
+        #: Beams that one training step of a map wants.
+        self.minibatch_size: int = config.minibatch_size
+
+    def create(self) -> MapEngine:
+        """A new map; all are equal."""
+        return self._engine_class(self._config, self._survey_area)
+
+    def load(self, data: bytes) -> MapEngine:
+        """The map that wrote the bytes, independent of it."""
+        return self._engine_class.from_bytes(data, self._config)
+
+
+def make_factory(parameters: Any) -> MapFactory:
+    """From a node's parameters: map.engine, survey_area (frame map, m) and the engine's group."""
+    engine = parameters.map.engine
+    config = make_engine_class(engine).config_class.from_parameters(getattr(parameters, engine))
+    vertices = np.asarray(parameters.survey_area, dtype=float)
+    # The survey origin is the centre of the bounding box (srv/GetMinibatches.srv).
+    origin = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    return MapFactory(engine, config, vertices - origin)
+
+
+def load_map(engine: str, data: bytes) -> MapEngine:
+    """One map with the settings that it was trained with."""
+    return make_engine_class(engine).from_bytes(data)

@@ -1,0 +1,110 @@
+"""Settings of an SVGP map: units, defaults, where they come from, and their validation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Mapping
+
+from rbpf_svgp_slam.svgp.kernels import KERNELS
+from rbpf_svgp_slam.svgp.parameters import FLOORS
+
+#: σ, m, at the floor of σ².
+SMALLEST_NOISE_STD_M = math.sqrt(FLOORS[2])
+
+
+def _above(low, or_zero=False):
+    expected = f"{'0 or ' if or_zero else ''}a number above {low:g}"
+    return lambda value: value > low or (or_zero and value == 0.0), expected
+
+
+def _one_of(names, note=""):
+    return lambda value: value in names, f"one of {', '.join(names)}{note}"
+
+
+_COUNT = (lambda value: value >= 1, "a whole number from 1")
+_SHARE = (lambda value: 0.0 < value < 1.0, "a number between 0 and 1")
+
+#: Setting: whether a value is accepted, and which ones are.
+RULES = {
+    "inducing_points": _COUNT,
+    "minibatch_size": _COUNT,
+    "kernel": _one_of(KERNELS),
+    "optimizer": _one_of(["adam"], note="; natgrad and streaming are not implemented yet"),
+    "learning_rate": _above(0.0),
+    "model_learning_rate": _above(0.0, or_zero=True),
+    "lengthscale_m": _above(FLOORS[0], or_zero=True),
+    "outputscale_m2": _above(FLOORS[1]),
+    "noise_std_m": _above(SMALLEST_NOISE_STD_M),
+    "jitter": _SHARE,
+    "convergence_decay": _SHARE,
+    "convergence_window": _COUNT,
+    "convergence_tolerance": _above(0.0),
+    "device": _one_of(["cpu", "cuda"]),
+    "dtype": _one_of(["float32", "float64"]),
+}
+
+
+@dataclass(frozen=True)
+class SvgpConfig:
+    """Torroba et al. 2023, Table 1, where a default is marked with (paper)."""
+
+    inducing_points: int = 400  #: S (paper)
+    minibatch_size: int = 1000  #: M, beams per step (paper)
+    kernel: str = "matern12"  #: k(r) = o·exp(−r/ℓ) (paper); matern32, matern52
+    optimizer: str = "adam"  #: (paper)
+    learning_rate: float = 0.1  #: of Adam, for q(v) and, unless set apart, all the rest (paper)
+    #: of Adam for Z, ℓ, o, σ² and c; 0: learning_rate (paper)
+    model_learning_rate: float = 0.0
+    #: initial ℓ, m; 0: half of the inducing grid's pitch. A longer one correlates the inducing
+    #: points, and Adam then needs two to four times as many steps to a given map error
+    lengthscale_m: float = 0.0
+    outputscale_m2: float = 1.0  #: initial o, prior variance of the seabed about its mean, m²
+    noise_std_m: float = 0.3  #: initial σ, standard deviation of a beam about the map, m
+    #: added to the diagonal of Kzz, as a share of o; GPyTorch's default for variational models
+    jitter: float = 1e-4
+    learn_inducing_points: bool = True  #: (paper)
+    learn_hyperparameters: bool = True  #: ℓ, o, σ² and c (paper)
+    convergence_decay: float = 0.95  #: of the moving average of the ELBO, per step
+    convergence_window: int = 50  #: steps between the two averages that are compared
+    convergence_tolerance: float = 0.1  #: largest relative change over the window (convergence.py)
+    device: str = "cpu"  #: cpu, cuda
+    dtype: str = "float32"  #: float32; float64 for tests
+
+    def __post_init__(self):
+        for field in fields(self):
+            self._convert(field.name, field.type)
+            accepts, expected = RULES.get(field.name, (lambda value: True, ""))
+            self._expect(field.name, accepts(getattr(self, field.name)), expected)
+
+    @classmethod
+    def from_parameters(cls, tree: Mapping[str, Any]) -> "SvgpConfig":
+        """From the parameter group `svgp`, where `convergence` is a group of its own."""
+        flat = {}
+        for name, value in tree.items():
+            if isinstance(value, Mapping):
+                flat.update({f"{name}_{key}": below for key, below in value.items()})
+            else:
+                flat[name] = value
+        known = [field.name for field in fields(cls)]
+        for name in flat:
+            if name not in known:
+                raise ValueError(f"svgp/{name} is unknown; expected one of {', '.join(known)}")
+        return cls(**flat)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Name and value of each setting."""
+        return asdict(self)
+
+    def _convert(self, name, type_name):
+        """Whole numbers are good floats; everything else has to have its own type."""
+        value = getattr(self, name)
+        if type_name == "float" and type(value) is int:
+            value = float(value)
+            object.__setattr__(self, name, value)
+        self._expect(name, type(value).__name__ == type_name, f"a value of type {type_name}")
+        self._expect(name, type_name != "float" or math.isfinite(value), "a finite number")
+
+    def _expect(self, name, condition, expected):
+        if not condition:
+            raise ValueError(f"svgp/{name} is {getattr(self, name)!r}; expected {expected}")

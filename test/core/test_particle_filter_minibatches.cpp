@@ -1,0 +1,252 @@
+// Which beams the filter lends to the maps, and that nobody's asking disturbs anybody else's.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <tuple>
+#include <vector>
+
+#include "rbpf_core/particle_filter.hpp"
+#include "survey.hpp"
+
+namespace rbpf_core {
+namespace {
+
+// A straight survey at 1 Hz; the beams of ping k lie k metres ahead, so that x tells the ping.
+void sailMarked(ParticleFilter& filter, int from_s, int to_s) {
+  for (int k = from_s; k < to_s; ++k) {
+    filter.addOdometry(straight(k));
+    filter.addPing(pingAt(k, 4, static_cast<float>(k)));
+  }
+}
+
+// The pings that a large minibatch comes from: the vehicle is at 2 k metres, the beam k ahead.
+std::set<int> pingsDrawnFrom(const ParticleFilter& filter) {
+  std::set<int> pings;
+  for (const PlacedBeam& beam : drawFrom(filter, 0, 20000)) {
+    pings.insert(static_cast<int>(std::lround(beam.x_m / 3.0)));
+  }
+  return pings;
+}
+
+std::set<int> range(int first, int last) {
+  std::set<int> numbers;
+  for (int k = first; k <= last; ++k) numbers.insert(k);
+  return numbers;
+}
+
+// ---- held back, held out -----------------------------------------------------------------------
+
+TEST(HoldBack, LendsOnlyPingsThatAreOldEnough) {
+  FilterParams params = quietParams();
+  params.hold_back_s = 30.0;
+  ParticleFilter filter(params);
+  sailMarked(filter, 0, 30);  // the odometry has come to 29 s
+  PlacedBeam beam;
+  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 0U);
+  EXPECT_EQ(filter.beams(), 120U);
+  sailMarked(filter, 30, 31);
+  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 4U);
+  EXPECT_EQ(pingsDrawnFrom(filter), range(0, 0));
+  sailMarked(filter, 31, 100);
+  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 280U);
+  EXPECT_EQ(pingsDrawnFrom(filter), range(0, 69));
+}
+
+TEST(HoldBack, EndsWithTheSurvey) {
+  FilterParams params = quietParams();
+  params.hold_back_s = 30.0;
+  ParticleFilter filter(params);
+  sailMarked(filter, 0, 100);
+  filter.finish();
+  EXPECT_EQ(pingsDrawnFrom(filter), range(0, 99));
+}
+
+TEST(HoldBack, OfZeroLendsEverythingAtOnce) {
+  ParticleFilter filter(quietParams());
+  sailMarked(filter, 0, 20);
+  EXPECT_EQ(pingsDrawnFrom(filter), range(0, 19));
+}
+
+TEST(HoldBack, DoesNotLendAPingEarlyBecauseItCameLate) {
+  FilterParams params = quietParams();
+  params.hold_back_s = 5.0;
+  ParticleFilter filter(params);
+  for (int k = 0; k <= 9; ++k) filter.addOdometry(straight(k));
+  filter.addPing(pingAt(8.0, 4, 8.0F));
+  filter.addPing(pingAt(2.0, 4, 2.0F));  // old enough, but behind a ping that is not
+  PlacedBeam beam;
+  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 0U);
+  for (int k = 10; k <= 13; ++k) filter.addOdometry(straight(k));
+  EXPECT_EQ(pingsDrawnFrom(filter), (std::set<int>{2, 8}));
+}
+
+TEST(Holdout, NeverLendsItsShareOfThePings) {
+  for (const double share : {0.02, 0.1, 0.25, 0.5}) {
+    FilterParams params = quietParams();
+    params.holdout = share;
+    ParticleFilter filter(params);
+    sailMarked(filter, 0, 200);
+    filter.finish();
+    std::set<int> lent;
+    for (const SurveyPing& ping : filter.survey(0, 200)) {
+      if (!ping.record.held_out) lent.insert(static_cast<int>(ping.record.stamp_s));
+    }
+    // floor of 200 share, give or take the rounding of the share
+    EXPECT_NEAR(static_cast<double>(200 - lent.size()), 200.0 * share, 1.0) << share;
+    EXPECT_EQ(pingsDrawnFrom(filter), lent) << share;
+    EXPECT_EQ(filter.beams(), 4 * lent.size());
+    EXPECT_EQ(filter.beams() + filter.beamsHeldOut(), 800U);
+  }
+}
+
+TEST(Holdout, OfZeroHoldsNothingOut) {
+  ParticleFilter filter(quietParams());
+  sailMarked(filter, 0, 200);
+  EXPECT_EQ(filter.beamsHeldOut(), 0U);
+}
+
+TEST(Minibatch, CountsFromTheSurveysOrigin) {
+  FilterParams params = quietParams();
+  params.start_pose = Pose2{5e6, -4e6, 0.0};
+  params.origin = {5e6 + 100.0, -4e6 - 50.0};
+  ParticleFilter filter(params);
+  sailMarked(filter, 0, 50);
+  for (const PlacedBeam& beam : drawFrom(filter, 0, 1000)) {
+    const double ping = std::round((beam.x_m + 100.0) / 3.0);
+    EXPECT_NEAR(beam.x_m, 3.0 * ping - 100.0, 1e-3);
+    EXPECT_NEAR(beam.y_m, 50.0 + std::round(beam.y_m - 50.0), 1e-3);
+    EXPECT_EQ(beam.z_m, -30.0F);
+  }
+}
+
+TEST(Minibatch, OfAParticleThatDoesNotExistIsRefused) {
+  ParticleFilter filter(quietParams(3));
+  sailMarked(filter, 0, 5);
+  PlacedBeam beam;
+  EXPECT_THROW(filter.drawMinibatch(3, 1, &beam), std::out_of_range);
+}
+
+// ---- whoever asks, whenever --------------------------------------------------------------------
+
+using Batch = std::vector<PlacedBeam>;
+
+bool operator<(const PlacedBeam& a, const PlacedBeam& b) {
+  return std::tie(a.x_m, a.y_m, a.z_m) < std::tie(b.x_m, b.y_m, b.z_m);
+}
+
+bool earlier(const Batch& a, const Batch& b) {
+  return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end(),
+                                      [](const auto& p, const auto& q) { return p < q; });
+}
+
+TEST(Minibatches, DifferFromCallToCall) {
+  ParticleFilter filter(quietParams());
+  sail(filter, turning, 0, 30);
+  EXPECT_FALSE(drawFrom(filter, 0, 50) == drawFrom(filter, 0, 50));
+}
+
+TEST(Minibatches, DifferFromParticleToParticleThoughTheHistoriesAreTheSame) {
+  ParticleFilter filter(quietParams());
+  sail(filter, turning, 0, 30);
+  EXPECT_FALSE(drawFrom(filter, 0, 50) == drawFrom(filter, 1, 50));
+}
+
+TEST(Minibatches, OfAParticleDoNotDependOnTheOthersCalls) {
+  ParticleFilter in_turns(noisyParams(3));
+  ParticleFilter one_by_one(noisyParams(3));
+  sail(in_turns, turning, 0, 30);
+  sail(one_by_one, turning, 0, 30);
+  std::vector<std::vector<Batch>> a(3), b(3);
+  for (int call = 0; call < 5; ++call) {
+    for (const std::size_t j : {2U, 0U, 1U}) a[j].push_back(drawFrom(in_turns, j, 100));
+  }
+  for (std::size_t j = 0; j < 3; ++j) {
+    for (int call = 0; call < 5; ++call) b[j].push_back(drawFrom(one_by_one, j, 100));
+  }
+  EXPECT_TRUE(a == b);
+}
+
+TEST(Minibatches, DoNotMoveTheParticles) {
+  ParticleFilter asked(noisyParams());
+  ParticleFilter left_alone(noisyParams());
+  for (int k = 0; k < 20; ++k) {
+    sail(asked, turning, k, k + 1);
+    sail(left_alone, turning, k, k + 1);
+    drawFrom(asked, static_cast<std::size_t>(k % 5), 77);
+  }
+  EXPECT_EQ(asked.particles(), left_alone.particles());
+}
+
+// Four threads on one particle: together they get what one alone would have got, call by call.
+TEST(Minibatches, AreTheSameFromManyThreadsAsFromOne) {
+  constexpr int kThreads = 4;
+  constexpr int kCalls = 200;
+  ParticleFilter shared(noisyParams());
+  ParticleFilter alone(noisyParams());
+  sail(shared, turning, 0, 30);
+  sail(alone, turning, 0, 30);
+  std::vector<std::vector<Batch>> of_thread(kThreads);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&, t] {
+      auto& batches = of_thread[static_cast<std::size_t>(t)];
+      for (int call = 0; call < kCalls; ++call) batches.push_back(drawFrom(shared, 2, 20));
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  std::vector<Batch> seen, expected;
+  for (auto& batches : of_thread) seen.insert(seen.end(), batches.begin(), batches.end());
+  for (int call = 0; call < kThreads * kCalls; ++call) expected.push_back(drawFrom(alone, 2, 20));
+  std::sort(seen.begin(), seen.end(), earlier);
+  std::sort(expected.begin(), expected.end(), earlier);
+  EXPECT_TRUE(seen == expected);
+}
+
+// Meant for ThreadSanitizer too: everything that runs at once in the live node.
+TEST(ParticleFilterThreads, DrawAndReadWhileTheSurveyGrowsAndIsResampled) {
+  constexpr std::size_t kParticles = 8;
+  ParticleFilter filter(noisyParams(kParticles));
+  sail(filter, turning, 0, 5);
+  std::atomic<bool> stop{false};
+  std::atomic<bool> sound{true};
+  std::atomic<std::size_t> drawn{0};
+  std::vector<std::thread> threads;
+  for (std::size_t t = 0; t < 3; ++t) {
+    threads.emplace_back([&, t] {
+      for (std::size_t call = t; !stop; ++call, ++drawn) {
+        for (const PlacedBeam& beam : drawFrom(filter, call % kParticles, 50)) {
+          // on a circle of 20 m radius, with noise; a beam from elsewhere is a torn read
+          if (!(std::hypot(beam.x_m, beam.y_m) < 500.0F) || beam.z_m != -30.0F) sound = false;
+        }
+      }
+    });
+  }
+  threads.emplace_back([&] {
+    while (!stop) {
+      const auto ping = filter.latestPing();
+      if (!ping || ping->poses.size() != kParticles) sound = false;
+      if (filter.survey(0, 3).size() != 3) sound = false;
+      if (filter.estimate().covariance.diagonal().minCoeff() < 0.0) sound = false;
+      filter.counters();
+    }
+  });
+  for (int k = 5; k < 60; ++k) {
+    sail(filter, turning, k, k + 1);
+    filter.setLogWeights(filter.logWeights());
+    if (k % 3 == 0) filter.resample({0, 0, 1, 3, 3, 3, 6, 7});
+  }
+  while (drawn < 1000) std::this_thread::yield();
+  stop = true;
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_TRUE(sound);
+  EXPECT_EQ(filter.counters().pings_dropped, 0U);
+}
+
+}  // namespace
+}  // namespace rbpf_core

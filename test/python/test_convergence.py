@@ -1,0 +1,102 @@
+"""Convergence of the moving average: not fooled, lost and regained."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rbpf_svgp_slam.svgp.convergence import HYSTERESIS, Convergence
+
+
+def run(values, decay=0.95, window=50, tolerance=0.1):
+    """The states after each of the values, and the criterion itself."""
+    convergence, ready = Convergence(decay, window, tolerance), []
+    for value in values:
+        convergence.update(float(value))
+        ready.append(convergence.ready)
+    return np.array(ready), convergence
+
+
+def learning(steps, start=-20.0, end=0.5, time_constant=100.0):
+    """An ELBO that approaches its end exponentially."""
+    return end + (start - end) * np.exp(-np.arange(steps) / time_constant)
+
+
+def test_average_has_no_bias_from_the_start():
+    _, convergence = run([-3.0])
+    assert convergence.average == -3.0
+    _, convergence = run([-3.0, -1.0], decay=0.5)
+    # (0.5·(−3) + 1·(−1))/1.5
+    assert convergence.average == pytest.approx(-2.5 / 1.5, rel=1e-14)
+    assert math.isnan(Convergence(0.9, 5, 0.1).average)
+
+
+def test_converges_once_and_only_after_a_full_window():
+    ready, _ = run(learning(1000))
+    first = int(np.argmax(ready))
+    assert 50 < first < 800
+    assert ready[first:].all()
+    ready, _ = run(np.zeros(60))
+    assert list(np.flatnonzero(np.diff(ready))) == [49]  # step 51 closes the first window
+
+
+@pytest.mark.parametrize("slope", [0.05, -0.05])
+def test_neither_a_rising_nor_a_falling_objective_is_converged(slope):
+    # 2.5 nats in each window, of an average of up to 7.5
+    ready, _ = run(slope * np.arange(150))
+    assert not ready.any()
+
+
+def test_a_rising_loss_ends_readiness():
+    values = np.concatenate([np.full(200, 1.0), 1.0 - 0.02 * np.arange(200)])
+    ready, _ = run(values)
+    assert ready[199]
+    assert not ready[260:].any()
+
+
+def test_lost_on_a_bump_and_regained():
+    values = np.full(600, 0.4)
+    values[300:] = 0.4 - 3.0 * np.exp(-np.arange(300) / 30.0)  # new relief comes in, is learned
+    ready, _ = run(values)
+    assert ready[299]
+    assert not ready[305]
+    assert ready[-1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_minibatch_noise_neither_starts_nor_ends_readiness(noise, seed):
+    # Standard deviations of the minibatch ELBO seen on maps: 0.02, and 0.1 with outliers.
+    rng = np.random.default_rng(seed)
+    steady, _ = run(0.3 + noise * rng.standard_normal(3000))
+    assert steady[100:].all()
+    # three times the tolerance in each window
+    learning_still, _ = run(0.006 * np.arange(300) - 1.0 + noise * rng.standard_normal(300))
+    assert not learning_still.any()
+
+
+@pytest.mark.parametrize("offset", [-2000.0, -1.0, 0.0, 1.0])
+def test_tolerance_near_zero_and_far_from_it(offset):
+    # Absolute below one nat, relative beyond
+    change = 0.5 * 0.1 * max(1.0, abs(offset))
+    slow, _ = run(offset + change * np.arange(300) / 50.0)
+    fast, _ = run(offset + 5.0 * change * np.arange(100) / 50.0)
+    assert slow[150:].all()
+    assert not fast.any()
+
+
+def test_an_objective_that_crosses_zero_stays_converged():
+    # A ratio of averages would have a pole here.
+    ready, _ = run(1e-3 * np.arange(-200.0, 200.0))
+    assert ready[60:].all()
+
+
+def test_hysteresis_keeps_a_map_near_the_tolerance_from_flickering():
+    tolerated = 0.1 / 50.0  # per step
+    near = 1.2 * tolerated * np.arange(300)
+    ready, _ = run(np.concatenate([np.zeros(100), near]))
+    assert ready[100:].all()
+    ready, _ = run(np.concatenate([3.0 * tolerated * np.arange(-166, 0), near]))
+    assert not ready.any()
+    ready, _ = run(np.concatenate([np.zeros(100), HYSTERESIS * near]))
+    assert not ready[200:].any()

@@ -1,0 +1,231 @@
+"""Maps as bytes, settings and the factory."""
+
+import io
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rbpf_svgp_slam.maps import load_map, make_engine_class, make_factory
+from rbpf_svgp_slam.svgp import state
+from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
+
+AREA = [[-50.0, -30.0], [50.0, -30.0], [50.0, 30.0], [-50.0, 30.0]]
+CONFIG = SvgpConfig(inducing_points=40, minibatch_size=60, convergence_window=4)
+
+
+def train(engine, steps, seed=0):
+    rng = np.random.default_rng(seed)
+    for _ in range(steps):
+        beams = rng.uniform([-50.0, -30.0, -12.0], [50.0, 30.0, -10.0], (60, 3))
+        engine.train_step(beams.astype(np.float32), 5000)
+    return engine
+
+
+def trained(config=CONFIG):
+    engine = train(SvgpMap(config, AREA), 7)
+    engine.skipped_steps = 2
+    return engine
+
+
+BYTES = trained().to_bytes()
+
+
+def rewritten(**changes):
+    """A state with some entries replaced; None takes one out."""
+    with np.load(io.BytesIO(BYTES)) as archive:
+        entries = {**{name: archive[name] for name in archive.files}, **changes}
+    buffer = io.BytesIO()
+    np.savez(buffer, **{name: value for name, value in entries.items() if value is not None})
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize("steps", [0, 1, 7])
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_training_goes_on_bit_for_bit(steps, dtype):
+    original = train(SvgpMap(replace(CONFIG, dtype=dtype), AREA), steps)
+    copy = SvgpMap.from_bytes(original.to_bytes(), original.config)
+    assert copy.to_bytes() == original.to_bytes()
+    train(original, 5, seed=3)
+    train(copy, 5, seed=3)
+    assert copy.to_bytes() == original.to_bytes()
+    assert torch.equal(copy._theta.flat, original._theta.flat)
+    for ours, theirs in zip(copy.predict(np.eye(2)), original.predict(np.eye(2))):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_everything_is_restored():
+    original, copy = trained(), SvgpMap.from_bytes(BYTES, CONFIG)
+    for name in ("iterations", "skipped_steps", "ready", "objective", "noise_variance_m2"):
+        assert getattr(copy, name) == getattr(original, name)
+    assert copy.iterations == 7
+    assert copy.skipped_steps == 2
+
+
+def test_a_copy_is_independent():
+    original = trained()
+    copy = SvgpMap.from_bytes(original.to_bytes(), CONFIG)
+    train(copy, 3)
+    assert original.to_bytes() == BYTES
+
+
+def test_loads_with_the_settings_it_was_trained_with():
+    engine = load_map("svgp", BYTES)
+    assert engine.config == CONFIG
+    assert engine.to_bytes() == BYTES
+
+
+def test_what_does_not_change_the_model_may_change():
+    config = replace(CONFIG, learning_rate=0.01, convergence_window=2, minibatch_size=7)
+    engine = SvgpMap.from_bytes(BYTES, config)
+    assert engine.config == config
+    assert engine.objective == trained().objective
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [("kernel", "matern32"), ("inducing_points", 41), ("jitter", 1e-5), ("dtype", "float64")],
+)
+def test_a_map_of_another_model_is_refused(name, value):
+    config = replace(CONFIG, **{name: value})
+    written = getattr(CONFIG, name)
+    with pytest.raises(
+        ValueError, match=f"written with svgp/{name} {written!r}; expected {value!r}"
+    ):
+        SvgpMap.from_bytes(BYTES, config)
+
+
+@given(length=st.integers(0, len(BYTES) - 1))
+@settings(max_examples=60, deadline=None)
+def test_truncated_bytes_are_refused(length):
+    with pytest.raises(ValueError, match=f"map of {length} bytes is truncated"):
+        SvgpMap.from_bytes(BYTES[:length], CONFIG)
+
+
+@given(position=st.integers(0, len(BYTES) - 1), bit=st.integers(0, 7))
+@settings(max_examples=150, deadline=None)
+def test_damaged_bytes_are_refused_or_harmless(position, bit):
+    damaged = bytearray(BYTES)
+    damaged[position] ^= 1 << bit
+    try:
+        engine = SvgpMap.from_bytes(bytes(damaged), CONFIG)
+    except ValueError:
+        return
+    # A zip file holds fields, such as dates, that nothing depends on.
+    assert engine.to_bytes() == BYTES
+
+
+def test_foreign_bytes_are_refused():
+    buffer = io.BytesIO()
+    np.savez(buffer, z=np.zeros(3))
+    with pytest.raises(ValueError, match="map's format is missing; expected rbpf_svgp_slam/svgp"):
+        SvgpMap.from_bytes(buffer.getvalue(), CONFIG)
+    with pytest.raises(ValueError, match="format is other/engine; expected rbpf_svgp_slam/svgp"):
+        SvgpMap.from_bytes(rewritten(format="other/engine"), CONFIG)
+    for foreign in (b"", b"{}", b"\x93NUMPY" + bytes(100)):
+        with pytest.raises(ValueError, match="truncated or no npz file"):
+            SvgpMap.from_bytes(foreign, CONFIG)
+
+
+def test_a_pickle_is_refused():
+    with pytest.raises(ValueError, match="[pP]ickle"):
+        SvgpMap.from_bytes(rewritten(config=np.array({"a": 1}, dtype=object)), CONFIG)
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"version": 2}, "version is 2; expected 1"),
+        ({"adam_first": None}, "no entry adam_first"),
+        ({"iterations": 1.5}, r"iterations is float64\[\]"),
+        ({"parameters": np.zeros(3, np.float32)}, "parameters has 3 numbers; expected 944 finite"),
+        ({"parameters": np.full(944, np.nan, np.float32)}, "parameters has 944 numbers"),
+        ({"config": "{"}, "config is not that of an SVGP"),
+        ({"config": '{"kernal": 1}'}, "config is not that of an SVGP"),
+        ({"config": "[]"}, "config is not that of an SVGP"),
+    ],
+)
+def test_malformed_entries_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        SvgpMap.from_bytes(rewritten(**changes), CONFIG)
+
+
+def test_documented_entries_are_those_written():
+    with np.load(io.BytesIO(BYTES)) as archive:
+        assert set(archive.files) == {"format", "version", *state.ENTRIES}
+        S = CONFIG.inducing_points
+        assert archive["parameters"].shape == (S + S * (S + 1) // 2 + 2 * S + 4,)
+    for name in state.ENTRIES:
+        assert name in state.__doc__
+
+
+# Settings and factory
+
+
+def test_defaults_are_the_papers():
+    config = SvgpConfig()
+    assert (config.inducing_points, config.minibatch_size) == (400, 1000)
+    assert (config.kernel, config.optimizer, config.learning_rate) == ("matern12", "adam", 0.1)
+
+
+@pytest.mark.parametrize(
+    "name, value, expected",
+    [
+        ("inducing_points", 0, "a whole number from 1"),
+        ("inducing_points", 10.0, "a value of type int"),
+        ("inducing_points", True, "a value of type int"),
+        ("kernel", "rbf", "one of matern12, matern32, matern52"),
+        ("optimizer", "natgrad", "one of adam; natgrad and streaming are not implemented yet"),
+        ("optimizer", "streaming", "not implemented yet"),
+        ("learning_rate", 0.0, "a number above 0"),
+        ("learning_rate", "fast", "a value of type float"),
+        ("learning_rate", float("nan"), "a finite number"),
+        ("lengthscale_m", -1.0, "0 or a number above 1e-06"),
+        ("noise_std_m", 0.01, "a number above 0.01"),
+        ("jitter", 1.0, "a number between 0 and 1"),
+        ("learn_inducing_points", 1, "a value of type bool"),
+        ("convergence_decay", 1.0, "a number between 0 and 1"),
+        ("device", "tpu", "one of cpu, cuda"),
+    ],
+)
+def test_settings_are_validated(name, value, expected):
+    with pytest.raises(ValueError) as error:
+        SvgpConfig(**{name: value})
+    assert str(error.value).startswith(f"svgp/{name} is {value!r}; expected ")
+    assert expected in str(error.value)
+
+
+def test_settings_from_a_parameter_group():
+    tree = {"inducing_points": 9, "learning_rate": 1, "convergence": {"window": 7}}
+    config = SvgpConfig.from_parameters(tree)
+    assert config == SvgpConfig(inducing_points=9, learning_rate=1.0, convergence_window=7)
+    with pytest.raises(ValueError, match="svgp/convergence_windw is unknown; expected one of"):
+        SvgpConfig.from_parameters({"convergence": {"windw": 7}})
+
+
+def parameters(engine="svgp"):
+    """What a node passes on: the survey area in the map frame."""
+    area = tuple((x + 1000.0, y - 7000.0) for x, y in AREA)
+    svgp = {"inducing_points": 40, "minibatch_size": 60, "convergence": {"window": 4}}
+    return SimpleNamespace(map=SimpleNamespace(engine=engine), survey_area=area, svgp=svgp)
+
+
+def test_factory_makes_equal_maps_about_the_survey_origin():
+    factory = make_factory(parameters())
+    first, second = factory.create(), factory.create()
+    assert factory.minibatch_size == 60
+    assert first.to_bytes() == second.to_bytes() == SvgpMap(CONFIG, AREA).to_bytes()
+    assert np.abs(first.support_points()[:, :2]).max(axis=0).tolist() < [50.0, 30.0]
+    assert factory.load(BYTES).to_bytes() == BYTES
+
+
+def test_unknown_engine_is_refused():
+    with pytest.raises(ValueError, match="map/engine is 'grid'; expected one of svgp"):
+        make_engine_class("grid")
+    with pytest.raises(ValueError, match="map/engine is 'grid'"):
+        make_factory(parameters(engine="grid"))

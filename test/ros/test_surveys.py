@@ -1,0 +1,192 @@
+#!/usr/bin/env python3
+"""Short surveys end to end: simulate, launch what is shipped, look at what it leaves behind."""
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rosgraph
+import rospkg
+import rospy
+import rostest
+import yaml
+from std_srvs.srv import Trigger
+
+from rbpf_svgp_slam.evaluation import read_tum
+
+PACKAGE = Path(rospkg.RosPack().get_path("rbpf_svgp_slam"))
+REPORT_FIELDS = (
+    "particles nodes seed pings pings_dropped beams duration_s wall_s real_time_factor "
+    "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
+    "ate_rmse_m dr_ate_rmse_m final_error_m dr_final_error_m map_rmse_m map_msll "
+    "consistency_rmse_m grid_rmse_m peak_rss_mb"
+).split()
+# J is not divisible by B. Tiny maps; every prompt that tells particles apart resamples.
+SMALL = {
+    "particles": 5,
+    "nodes": 2,
+    "motion": {"surge_std_m": 0.2, "sway_std_m": 0.2, "yaw_std_rad": 0.0005},
+    "mapping": {"hold_back_s": 10.0},
+    "svgp": {
+        "inducing_points": 64,
+        "minibatch_size": 100,
+        "convergence": {"window": 20, "tolerance": 1.0},
+    },
+    "lc": {"rate_hz": 1.0, "min_overlap": 0.1, "mapped_variance": 0.5, "veto_sigma": 20.0},
+    "resampling": {"threshold": 1.0},
+    "offline": {"steps_per_second": 20.0},
+    "output": {"final_training_s": 1.0},
+}
+
+
+def launch(file, *args, timeout_s=240):
+    """Run a shipped launch file to its end; its exit status and output."""
+    done = subprocess.run(
+        ["roslaunch", "--no-summary", "rbpf_svgp_slam", file, *args],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=timeout_s,
+    )
+    return done.returncode, done.stdout
+
+
+class Surveys(unittest.TestCase):
+    """Each case runs one launch file on a survey of a few minutes."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        path = Path(cls.folder.name)
+        cls.bag = path / "survey.bag"
+        simulate = ["rosrun", "rbpf_svgp_slam", "simulate_survey.py", "--mission", "demo"]
+        subprocess.run([*simulate, "--scale", "0.1", "--out", cls.bag], check=True)
+        cls.config = path / "small.yaml"
+        cls.config.write_text(yaml.safe_dump(SMALL))
+        cls.survey = path / "survey.survey.yaml"
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def setUp(self):
+        self.out = Path(self.folder.name) / self.id().rsplit(".", 1)[-1]
+        # the master is common to all cases; parameters of one must not be seen by the next
+        master = rosgraph.Master("/test_surveys")
+        for name in ("/rbpf_svgp_slam", "/use_sim_time", "/rbpf_core", "/survey_recorder"):
+            if master.hasParam(name):
+                master.deleteParam(name)
+
+    def common_args(self):
+        return [f"config:={self.config}", f"survey:={self.survey}", f"out:={self.out}"]
+
+    def check_run_folder(self):
+        report = json.loads((self.out / "report.json").read_text())
+        self.assertEqual([name for name in REPORT_FIELDS if name not in report], [])
+        self.assertEqual((report["particles"], report["nodes"]), (5, 2))
+        self.assertEqual(report["pings_dropped"], 0)
+        self.assertGreater(report["pings"], 500)
+        self.assertGreater(report["iterations_total"], 500)
+        for name in ("ate_rmse_m", "dr_ate_rmse_m", "map_rmse_m", "consistency_rmse_m"):
+            self.assertIsNotNone(report[name], name)
+        # three minutes of drift: the filter may be better or worse, not lost
+        self.assertLess(report["ate_rmse_m"], 3 * report["dr_ate_rmse_m"] + 5.0)
+        self.assertGreater((self.out / "report.html").stat().st_size, 100_000)
+        for name in ("trajectory", "dead_reckoning", "ground_truth"):
+            stamp_s, _ = read_tum(self.out / f"{name}.tum")
+            self.assertEqual(len(stamp_s), report["pings"])
+        with np.load(self.out / "map.npz") as grid:
+            self.assertEqual(grid["mean"].shape, (len(grid["x"]), len(grid["y"])))
+            known = np.isfinite(grid["mean"])
+            self.assertGreater(known.mean(), 0.9)
+            # the simulated seabed lies between 10 m and 60 m of depth
+            self.assertTrue(np.all((grid["mean"][known] < -5) & (grid["mean"][known] > -80)))
+            self.assertTrue(np.all(grid["variance"][known] > 0))
+        return report
+
+    def test_replay(self):
+        status, output = launch("replay.launch", f"bag:={self.bag}", *self.common_args(), "rate:=8")
+        self.assertEqual(status, 0, output)
+        report = self.check_run_folder()
+        self.assertGreater(report["loop_closure_prompts"], 0, output)
+        self.assertGreater(report["resamplings"], 0, output)
+        self.assertRegex(output, r"replay .* %, ETA \d\d:\d\d")
+        self.assertIn("RBPF error: ATE", output)
+
+    def test_offline_loses_nothing(self):
+        status, output = launch("offline.launch", f"bag:={self.bag}", *self.common_args())
+        self.assertEqual(status, 0, output)
+        report = self.check_run_folder()
+        pings = int(
+            re.search(
+                r"(\d+) msgs\s*: sensor_msgs/PointCloud2",
+                subprocess.run(["rosbag", "info", self.bag], capture_output=True, text=True).stdout,
+            ).group(1)
+        )
+        self.assertEqual(report["pings"], pings)
+
+    def test_live_until_saved(self):
+        running = subprocess.Popen(
+            ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch", *self.common_args()]
+        )
+        try:
+            play = ["rosbag", "play", "-q", "-r", "8", "--queue", "10000", "--wait-for-subscribers"]
+            topics = ["/odom", "/mbes/pings", "/ground_truth", "/tf", "/tf_static"]
+            subprocess.run([*play, "--topics", *topics, "--bags", self.bag], check=True)
+            time.sleep(2.0)
+            self.assertTrue(rospy.ServiceProxy("/survey_recorder/save", Trigger)().success)
+            running.wait(60)
+            self.check_run_folder()
+        finally:
+            running.terminate()
+            running.wait(30)
+
+    def test_wrong_parameters_stop_the_start(self):
+        wrong = {
+            "particels": (40, "particels"),
+            "lc": ({"rate_hz": -1.0}, "lc/rate_hz"),
+            "pings": ({"outlier_window": 4}, "pings/outlier_window"),
+            "svgp": ({"kernel": "rbf"}, "svgp/kernel"),
+        }
+        for group, (value, name) in wrong.items():
+            self.setUp()
+            self.config.with_name("wrong.yaml").write_text(yaml.safe_dump({**SMALL, group: value}))
+            _, output = launch(
+                "slam.launch",
+                f"config:={self.config.with_name('wrong.yaml')}",
+                f"survey:={self.survey}",
+                timeout_s=60,
+            )
+            self.assertRegex(output, f"{name} is .*expected", f"{group}: {value}")
+
+    def test_shipped_configurations_are_accepted(self):
+        for overlay in sorted((PACKAGE / "config").glob("*.yaml")):
+            self.setUp()
+            running = subprocess.Popen(
+                ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch"]
+                + [f"config:={overlay}", f"survey:={self.survey}"],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
+            try:
+                # each node advertises its services only once its parameters are accepted
+                for service in ("/rbpf_core/get_pings", "/svgp_node_1/predict"):
+                    rospy.wait_for_service(service, timeout=40)
+            except rospy.ROSException:
+                running.terminate()
+                self.fail(f"{overlay.name}: {running.communicate()[0]}")
+            finally:
+                running.terminate()
+                running.communicate(timeout=30)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_surveys")
+    rostest.rosrun("rbpf_svgp_slam", "surveys", Surveys, sys.argv)
