@@ -29,7 +29,8 @@ bool Services::getMinibatches(rbpf_svgp_slam::GetMinibatches::Request& request,
                               rbpf_svgp_slam::GetMinibatches::Response& response) {
   // The epoch is read before any beam is placed: a batch that a resampling overtakes carries the
   // epoch before it, and the map nodes drop it. `resampling` is read before the epoch: "not
-  // resampling" with the old epoch must mean that it was rolled back, never that it just ended well.
+  // resampling" with the old epoch must mean that it was rolled back, never that it just ended
+  // well.
   response.resampling = loop_.resampling();
   response.epoch = loop_.epoch();
   if (request.size == 0 || request.size > kLargestMinibatch) {

@@ -70,7 +70,7 @@ Moments exactMoments(const Leg& leg) {
                 std::exp(i * turn * (k + j + 1.0) - 0.5 * yaw_variance * (k + 3.0 * j + 1.5));
     }
   }
-  Moments moments{Eigen::RowVector3d(mean.real(), mean.imag(), turn * n), Eigen::Matrix3d()};
+  Moments moments{Eigen::RowVector3d(mean.real(), mean.imag(), turn * n), Eigen::Matrix3d::Zero()};
   const double xx = 0.5 * (modulus + square.real()) - mean.real() * mean.real();
   const double yy = 0.5 * (modulus - square.real()) - mean.imag() * mean.imag();
   const double xy = 0.5 * square.imag() - mean.real() * mean.imag();

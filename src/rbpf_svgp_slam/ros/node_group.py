@@ -16,7 +16,7 @@ PATIENCE_S = 5.0  # for a node to end after SIGINT, before it is killed
 
 
 def start_map_nodes() -> int | str:
-    """Run svgp_node_0 .. svgp_node_{B-1} until one ends or we are told to; what sys.exit() takes."""
+    """Run svgp_node_0 .. B-1 until one ends or we are told to; returns what sys.exit() takes."""
     try:
         nodes = load_parameters().nodes
     except ParameterError as error:

@@ -148,4 +148,3 @@ class Recorder:
         print(f"DR error:   ATE {metres('dr_ate_rmse_m')}, final {metres('dr_final_error_m')}")
         print(f"RBPF error: ATE {metres('ate_rmse_m')}, final {metres('final_error_m')}")
         print(f"Report: {os.path.abspath(self.out_dir / 'report.html')}", flush=True)
-

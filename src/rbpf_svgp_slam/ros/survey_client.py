@@ -16,7 +16,10 @@ PINGS_A_CALL = 1000
 
 @dataclass
 class Survey:
-    """All pings of the survey, P, with their beams, N. Poses: x y z roll pitch yaw, map, m and rad."""
+    """All pings of the survey, P, with their beams, N.
+
+    Poses: x y z roll pitch yaw, frame map, m and rad.
+    """
 
     stamp_s: np.ndarray  # [P]
     estimate: np.ndarray  # [P, 6]
