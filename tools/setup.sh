@@ -1,9 +1,16 @@
 #!/usr/bin/env bash
 # Installs what is missing of tools/packages.txt and builds the package, Release, into build/.
-# Idempotent: a second run takes seconds. Arguments go to cmake, e.g. -DRBPF_NATIVE=ON.
+# Idempotent: a second run takes seconds. With --test also what only the tests need from PyPI.
+# Other arguments go to cmake, e.g. -DRBPF_NATIVE=ON.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH=/usr/bin:/bin:$PATH
+
+test=false
+if [ "${1:-}" = --test ]; then
+  test=true
+  shift
+fi
 
 mapfile -t packages < <(grep -v '^#' tools/packages.txt)
 missing=()
@@ -26,3 +33,9 @@ if [ ! -f build/Makefile ] || [ $# -gt 0 ]; then
   mv build.log build/configure.log
 fi
 cmake --build build --parallel "$(nproc)" -- --no-print-directory --quiet
+
+if $test && ! cmp -s tools/requirements-test.txt build/venv/requirements.txt; then
+  python3 -m venv --clear build/venv
+  build/venv/bin/pip install --quiet --disable-pip-version-check -r tools/requirements-test.txt
+  cp tools/requirements-test.txt build/venv/requirements.txt
+fi

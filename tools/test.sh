@@ -2,7 +2,7 @@
 # Sets up, checks the style, runs gtest, pytest and rostest, and ends with the counts.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-tools/setup.sh
+tools/setup.sh --test
 . tools/env.sh
 
 results=$ROOT/build/test_results
@@ -33,6 +33,8 @@ for file in test/ros/*.test; do
   name=$(basename "$file" .test)
   step "rostest $name" rostest --results-base-dir="$results" --results-filename="$name.xml" "$file"
 done
+
+step "other builds" tools/test_builds.sh
 
 python3 tools/count_tests.py "$results" || failed=1
 exit $failed

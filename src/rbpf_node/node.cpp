@@ -111,11 +111,6 @@ void SlamNode::handOnPings() {
   }
 }
 
-bool SlamNode::allPingsHandedOn() const {
-  const std::lock_guard lock(mutex_);
-  return pings_without_mount_.empty();
-}
-
 bool SlamNode::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   filter_.finish();
   response.success = true;

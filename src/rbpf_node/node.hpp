@@ -31,9 +31,6 @@ class SlamNode {
   LoopClosureLoop& loopClosureLoop() { return loop_; }
   const Services& services() const { return services_; }
 
-  // Whether no ping waits for its sensor's mount.
-  bool allPingsHandedOn() const;
-
  private:
   void handOnPings();
   bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);

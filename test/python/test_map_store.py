@@ -347,10 +347,10 @@ def test_failed_and_skipped_steps_are_counted():
 def test_predictions_are_each_maps_own():
     (store,) = make_stores(3, 1)
     positions = np.arange(12, dtype=np.float32).reshape(2, 3, 2)
-    mean, variance, noise, prior = store.predict(0, [2, 0], positions)
+    mean, variance, prior = store.predict(0, [2, 0], positions)
     values = [store.maps()[2].value, store.maps()[0].value]
     np.testing.assert_allclose(mean, positions[:, :, 0] + np.c_[values], rtol=1e-6)  # float32
-    assert (variance == 0.5).all() and (noise == 0.25).all() and (prior == 4.0).all()
+    assert (variance == 0.5).all() and (prior == 4.0).all()
 
 
 def test_predictions_are_refused_with_a_reason():

@@ -204,6 +204,7 @@ def test_products_by_blocks(size):
     torch.testing.assert_close(linalg.gram_of_lower(R, out), R @ R.T)
     torch.testing.assert_close(linalg.lower_of_product(A, B, lower), (A @ B).tril())
     torch.testing.assert_close(linalg.lower_of_product_with_lower(B, R, lower), (B @ R).tril())
+    torch.testing.assert_close(linalg.product_with_transposed_lower(R, B), R.T @ B)
 
 
 def _gram(C, columns):
@@ -212,8 +213,9 @@ def _gram(C, columns):
 
 def test_cholesky_raises_the_jitter_and_says_so(caplog):
     K = torch.ones(3, 3)  # three inducing points at one place, singular in single precision
-    L = linalg.cholesky(K.clone(), 1e-9)
+    L, failures = linalg.cholesky(K.clone(), 1e-9)
+    assert failures > 0
     torch.testing.assert_close(L @ L.T, K, rtol=0, atol=2e-6)  # the jitter that was needed
     assert "jitter 1e-09" in caplog.text
-    with pytest.raises(linalg.NotPositiveDefinite, match="1e-06"):
+    with pytest.raises(linalg.NotPositiveDefinite, match="no Cholesky with jitter 0.1"):
         linalg.cholesky(-K, 1e-9)

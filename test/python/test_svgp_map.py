@@ -176,6 +176,15 @@ def test_all_beams_at_one_place_leave_everything_finite(kernel):
     assert engine.predict(beams[:1, :2])[0][0] == pytest.approx(-30.0, abs=0.1)
 
 
+def test_coinciding_inducing_points_raise_the_jitter_loudly(caplog):
+    engine = SvgpMap(replace(SMALL, inducing_points=5, jitter=1e-12), AREA)
+    engine._theta.Z.copy_(engine._theta.Z[0].expand(5, 2).clone())
+    train(engine, terrain(), 1)
+    assert (engine.iterations, engine.skipped_steps) == (1, 0)
+    assert engine.jitter_raises > 0
+    assert "no Cholesky with jitter 1e-12" in caplog.text
+
+
 def test_flags_keep_parameters_where_they_are():
     beams, initial = terrain(), SvgpMap(SMALL, AREA)._theta
     for learn_Z in (False, True):
@@ -209,6 +218,11 @@ def test_maps_that_share_work_space_do_not_disturb_each_other():
             engine.predict(b[:7, :2])
     for ours, theirs in zip(together, alone):
         assert torch.equal(ours._theta.flat, theirs._theta.flat)
+
+
+def test_prediction_at_no_points():
+    mean, variance = SvgpMap(SMALL, AREA).predict(np.empty((0, 2)))
+    assert mean.shape == variance.shape == (0,)
 
 
 def test_prediction_follows_training():

@@ -16,7 +16,9 @@ from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 AREA = [[-50.0, -30.0], [50.0, -30.0], [50.0, 30.0], [-50.0, 30.0]]
-CONFIG = SvgpConfig(inducing_points=40, minibatch_size=60, convergence_window=4)
+CONFIG = SvgpConfig(
+    inducing_points=40, minibatch_size=60, convergence_window=4, convergence_decay=0.5
+)
 
 
 def train(engine, steps, seed=0):
@@ -29,7 +31,7 @@ def train(engine, steps, seed=0):
 
 def trained(config=CONFIG):
     engine = train(SvgpMap(config, AREA), 7)
-    engine.skipped_steps = 2
+    engine.skipped_steps, engine.jitter_raises = 2, 3
     return engine
 
 
@@ -64,7 +66,8 @@ def test_everything_is_restored():
     for name in ("iterations", "skipped_steps", "ready", "objective", "noise_variance_m2"):
         assert getattr(copy, name) == getattr(original, name)
     assert copy.iterations == 7
-    assert copy.skipped_steps == 2
+    assert (copy.skipped_steps, copy.jitter_raises) == (2, 3)
+    assert len(copy._convergence.averages) == 4  # steps 4 to 7: 1 − 0.5⁴ > 0.9
 
 
 def test_a_copy_is_independent():
@@ -211,7 +214,7 @@ def test_settings_from_a_parameter_group():
 def parameters(engine="svgp"):
     """What a node passes on: the survey area in the map frame."""
     area = tuple((x + 1000.0, y - 7000.0) for x, y in AREA)
-    svgp = {"inducing_points": 40, "minibatch_size": 60, "convergence": {"window": 4}}
+    svgp = {"inducing_points": 40, "minibatch_size": 60, "convergence": {"window": 4, "decay": 0.5}}
     return SimpleNamespace(map=SimpleNamespace(engine=engine), survey_area=area, svgp=svgp)
 
 

@@ -180,12 +180,11 @@ class MapNode:
         shape = (len(request.particles), request.points, 2)
         positions = unpack("positions", request.positions, shape)
         answer = self._store.predict(request.epoch, request.particles, positions)
-        mean, variance, noise_variance, prior_variance = map(pack, answer)
+        mean, variance, prior_variance = map(pack, answer)
         return srv.PredictBeamsResponse(
             success=True,
             mean=mean,
             variance=variance,
-            noise_variance=noise_variance,
             prior_variance=prior_variance,
         )
 

@@ -117,14 +117,13 @@ class MapStore:
 
     def predict(
         self, epoch: int, particles: Sequence[int], positions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Each map at its own positions [P, n, 2], m, relative to the survey origin.
 
-        Returns latent mean [P, n] and variance [P, n], the maps' noise variance [P] and prior
-        variance [P]; m and m².
+        Returns latent mean [P, n], m, and variance [P, n], and the maps' prior variance [P], m².
         """
         mean, variance = np.empty((2, *positions.shape[:2]), dtype=np.float32)
-        noise, prior = np.empty((2, len(particles)), dtype=np.float32)
+        prior = np.empty(len(particles), dtype=np.float32)
         with self._lock.request():
             if epoch != self.epoch:
                 raise BadRequest(f"epoch is {epoch}; expected {self.epoch}, this node's")
@@ -132,12 +131,12 @@ class MapStore:
             for row, particle in enumerate(particles):
                 engine = self._maps[particle]
                 mean[row], variance[row] = engine.predict(positions[row])
-                noise[row], prior[row] = engine.noise_variance_m2, engine.prior_variance_m2
+                prior[row] = engine.prior_variance_m2
         finite = np.isfinite(mean).all(1) & np.isfinite(variance).all(1)
         if not finite.all():
             particle = particles[int(np.argmin(finite))]
             raise BadRequest(f"prediction of particle {particle} is not finite; expected finite")
-        return mean, variance, noise, prior
+        return mean, variance, prior
 
     def serialise(self, epoch: int, particles: Sequence[int], timeout_s: float) -> list[bytes]:
         """Whole maps as they are in this epoch, or as they will be when frozen for the next one."""

@@ -16,8 +16,9 @@ from rbpf_svgp_slam.survey.terrain import save_terrain
 
 _DESCRIPTION = """Simulate a multibeam survey and write it as a rosbag.
 
-Beside F.bag come F.survey.yaml, the survey area as a parameter overlay for the filter, and
-F.terrain.npz, the seabed with its place in the map frame."""
+Beside F.bag come F.survey.yaml, a parameter overlay for the filter with what one knows before a
+mission (the survey area and how the dead reckoning drifts), and F.terrain.npz, the seabed with its
+place in the map frame."""
 
 _TERRAIN_HELP = """the seabed (default: generated fractal relief with dunes): z [nx, ny] in m, z up,
 axis 0 along x; resolution_m; optionally origin_m [2], x and y of z[0, 0] in the map frame, without
@@ -73,7 +74,8 @@ def _run(arguments):
     )
     bag.write_bag(str(arguments.out), survey, _progress_line("writing the bag"))
     save_terrain(arguments.out.with_suffix(".terrain.npz"), survey.terrain)
-    _write_overlay(arguments.out.with_suffix(".survey.yaml"), survey.area_m())
+    noise = survey.mission.dead_reckoning
+    _write_overlay(arguments.out.with_suffix(".survey.yaml"), survey.area_m(), noise)
     _print_summary(arguments.out, survey, time.monotonic() - started_s)
 
 
@@ -90,10 +92,16 @@ def _check(arguments):
         raise SurveyError(f"out is {arguments.out}, expected a file in an existing folder")
 
 
-def _write_overlay(path, area_m):
+def _write_overlay(path, area_m, noise):
     corners = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in area_m)
     path.write_text(
-        f"# The seabed that the swath reaches, in the map frame.\n" f"survey_area: [{corners}]\n"
+        "# The seabed that the swath reaches, in the map frame.\n"
+        f"survey_area: [{corners}]\n"
+        "# The dead reckoning's white noise; its biases are not known to the filter.\n"
+        "motion:\n"
+        f"  surge_std_m: {noise.surge_m_per_sqrt_s}\n"
+        f"  sway_std_m: {noise.sway_m_per_sqrt_s}\n"
+        f"  yaw_std_rad: {noise.yaw_rad_per_sqrt_s}\n"
     )
 
 

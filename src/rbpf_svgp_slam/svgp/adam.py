@@ -1,8 +1,12 @@
 """Adam (Kingma and Ba 2015, Algorithm 1) on one flat vector, without allocations."""
 
+from __future__ import annotations
+
 import math
+from typing import Iterable
 
 import torch
+from torch import Tensor
 
 BETA_1 = 0.9
 BETA_2 = 0.999
@@ -12,13 +16,15 @@ EPSILON = 1e-8
 class Adam:
     """Ascends an objective; constants are the paper's, which are also the defaults of torch."""
 
-    def __init__(self, size, dtype, device):
+    def __init__(self, size: int, dtype: torch.dtype, device: torch.device) -> None:
         self.steps = 0
         self.first, self.second, self._scratch = (
             torch.zeros(size, dtype=dtype, device=device) for _ in range(3)
         )
 
-    def step(self, parameters, gradient, rates):
+    def step(
+        self, parameters: Tensor, gradient: Tensor, rates: Iterable[tuple[int, float]]
+    ) -> None:
         """Move parameters [P] up the gradient [P].
 
         rates: pairs (n, learning rate); the first holds for the first n parameters, and so on.

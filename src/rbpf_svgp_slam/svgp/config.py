@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Mapping
+from typing import Any, Callable, Iterable, Mapping, Tuple
 
 from rbpf_svgp_slam.svgp.kernels import KERNELS
 from rbpf_svgp_slam.svgp.parameters import FLOORS
+
+#: Whether a value is accepted, and which ones are.
+Rule = Tuple[Callable[[Any], bool], str]
 
 #: σ, m, at the floor of σ².
 SMALLEST_NOISE_STD_M = math.sqrt(FLOORS[2])
 
 
-def _above(low, or_zero=False):
+def _above(low: float, or_zero: bool = False) -> Rule:
     expected = f"{'0 or ' if or_zero else ''}a number above {low:g}"
     return lambda value: value > low or (or_zero and value == 0.0), expected
 
 
-def _one_of(names, note=""):
+def _one_of(names: Iterable[str], note: str = "") -> Rule:
     return lambda value: value in names, f"one of {', '.join(names)}{note}"
 
 
 _COUNT = (lambda value: value >= 1, "a whole number from 1")
 _SHARE = (lambda value: 0.0 < value < 1.0, "a number between 0 and 1")
 
-#: Setting: whether a value is accepted, and which ones are.
-RULES = {
+#: By setting.
+RULES: dict[str, Rule] = {
     "inducing_points": _COUNT,
     "minibatch_size": _COUNT,
     "kernel": _one_of(KERNELS),
@@ -56,8 +59,8 @@ class SvgpConfig:
     learning_rate: float = 0.1  #: of Adam, for q(v) and, unless set apart, all the rest (paper)
     #: of Adam for Z, ℓ, o, σ² and c; 0: learning_rate (paper)
     model_learning_rate: float = 0.0
-    #: initial ℓ, m; 0: half of the inducing grid's pitch. A longer one correlates the inducing
-    #: points, and Adam then needs two to four times as many steps to a given map error
+    #: initial ℓ, m; 0: half of the inducing grid's pitch. One of a whole pitch or two correlates
+    #: the inducing points, and Adam then takes about twice as many steps to a given map error
     lengthscale_m: float = 0.0
     outputscale_m2: float = 1.0  #: initial o, prior variance of the seabed about its mean, m²
     noise_std_m: float = 0.3  #: initial σ, standard deviation of a beam about the map, m
@@ -65,13 +68,13 @@ class SvgpConfig:
     jitter: float = 1e-4
     learn_inducing_points: bool = True  #: (paper)
     learn_hyperparameters: bool = True  #: ℓ, o, σ² and c (paper)
-    convergence_decay: float = 0.95  #: of the moving average of the ELBO, per step
+    convergence_decay: float = 0.97  #: of the moving average of the ELBO, per step
     convergence_window: int = 50  #: steps between the two averages that are compared
     convergence_tolerance: float = 0.1  #: largest relative change over the window (convergence.py)
     device: str = "cpu"  #: cpu, cuda
     dtype: str = "float32"  #: float32; float64 for tests
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in fields(self):
             self._convert(field.name, field.type)
             accepts, expected = RULES.get(field.name, (lambda value: True, ""))
@@ -96,7 +99,7 @@ class SvgpConfig:
         """Name and value of each setting."""
         return asdict(self)
 
-    def _convert(self, name, type_name):
+    def _convert(self, name: str, type_name: str) -> None:
         """Whole numbers are good floats; everything else has to have its own type."""
         value = getattr(self, name)
         if type_name == "float" and type(value) is int:
@@ -105,6 +108,6 @@ class SvgpConfig:
         self._expect(name, type(value).__name__ == type_name, f"a value of type {type_name}")
         self._expect(name, type_name != "float" or math.isfinite(value), "a finite number")
 
-    def _expect(self, name, condition, expected):
+    def _expect(self, name: str, condition: bool, expected: str) -> None:
         if not condition:
             raise ValueError(f"svgp/{name} is {getattr(self, name)!r}; expected {expected}")

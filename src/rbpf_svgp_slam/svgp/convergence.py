@@ -8,6 +8,9 @@ from collections import deque
 #: A map that is ready stays so until the change exceeds this multiple of the tolerance, so that
 #: the minibatches' noise does not switch a map near the tolerance on and off.
 HYSTERESIS = 2.0
+#: An average of less weight is one of few values: noisy, and not yet behind a rising ELBO by as
+#: much as later ones, so that a comparison with them would show too small a change.
+MATURE_WEIGHT = 0.9
 
 
 class Convergence:
@@ -27,23 +30,24 @@ class Convergence:
         self.decay = decay
         self.tolerance = tolerance
         self.ready = False
-        #: Averages after each of the last window + 1 steps, oldest first.
-        self.averages: deque[float] = deque(maxlen=window + 1)
         #: Average before its bias is corrected, and the weight that it has gathered so far.
         self.raw_average = 0.0
         self.weight = 0.0
+        #: Mature averages after each of the last window + 1 steps, oldest first.
+        self.averages: deque[float] = deque(maxlen=window + 1)
 
     @property
     def average(self) -> float:
         """The moving average, nats; NaN before the first value."""
-        return self.averages[-1] if self.averages else math.nan
+        return self.raw_average / self.weight if self.weight > 0.0 else math.nan
 
     def update(self, elbo: float) -> None:
         """Take in the ELBO per datum [nats] of one more minibatch."""
         # average = Σ decayᵏ·ELBO₋ₖ / Σ decayᵏ: without bias from the first step on
         self.raw_average = self.decay * self.raw_average + (1.0 - self.decay) * elbo
         self.weight = self.decay * self.weight + (1.0 - self.decay)
-        self.averages.append(self.raw_average / self.weight)
+        if self.weight > MATURE_WEIGHT:
+            self.averages.append(self.average)
         self.ready = self._relative_change() < self.tolerance * (HYSTERESIS if self.ready else 1.0)
 
     def _relative_change(self) -> float:

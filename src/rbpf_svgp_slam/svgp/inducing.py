@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 #: Ratio of a grid's two pitches, at most; its choice of rows and columns is made within.
 LARGEST_PITCH_RATIO = 1.25
@@ -10,7 +11,7 @@ LARGEST_PITCH_RATIO = 1.25
 TRIALS = 12
 
 
-def initial_inducing_points(survey_area, count):
+def initial_inducing_points(survey_area: ArrayLike, count: int) -> np.ndarray:
     """Exactly `count` points [S, 2] of one regular, nearly square grid inside the survey area.
 
     survey_area: polygon [V, 2], m, convex or not. The grid lies along the sides of the area's
@@ -24,12 +25,12 @@ def initial_inducing_points(survey_area, count):
     return _without_excess(points, vertices, count) @ axes.T
 
 
-def grid_pitch_m(survey_area, count):
+def grid_pitch_m(survey_area: ArrayLike, count: int) -> float:
     """Distance between neighbours of a square grid of `count` points over the survey area."""
     return float(np.sqrt(_polygon(survey_area)[1] / count))
 
 
-def _polygon(survey_area):
+def _polygon(survey_area: ArrayLike) -> tuple[np.ndarray, float]:
     """Checked vertices [V, 2] and the area inside, m²."""
     vertices = np.asarray(survey_area, dtype=float)
     if vertices.ndim != 2 or vertices.shape[0] < 3 or vertices.shape[1] != 2:
@@ -43,7 +44,7 @@ def _polygon(survey_area):
     return vertices, area_m2
 
 
-def _grid_axes(vertices):
+def _grid_axes(vertices: np.ndarray) -> np.ndarray:
     """Rotation [2, 2] whose columns lie along the smallest bounding rectangle of all sides."""
     sides = np.diff(np.vstack([vertices, vertices[:1]]), axis=0)
     lengths = np.hypot(*sides.T)
@@ -56,7 +57,7 @@ def _grid_axes(vertices):
     return candidates[best if extents[best] < extents[0] * (1.0 - 1e-6) else 0]
 
 
-def _best_grid(vertices, area_m2, count):
+def _best_grid(vertices: np.ndarray, area_m2: float, count: int) -> np.ndarray:
     """The grid that has at least `count` points inside, few too many, and nearly square cells."""
     width, height = np.ptp(vertices, axis=0)
     pitch = np.sqrt(area_m2 / count)
@@ -77,13 +78,13 @@ def _best_grid(vertices, area_m2, count):
         pitch *= 0.9
 
 
-def _trials(low, high):
+def _trials(low: float, high: float) -> np.ndarray:
     """Whole numbers from low to high, thinned out where there are many; at least one of them."""
     low, high = max(1, int(low)), max(1, int(np.ceil(high)))
     return np.unique(np.linspace(low, high, min(high - low + 1, TRIALS)).round().astype(int))
 
 
-def _cell_centres(vertices, columns, rows):
+def _cell_centres(vertices: np.ndarray, columns: int, rows: int) -> np.ndarray:
     """Centres [n, 2] of the cells of the bounding rectangle that lie inside the polygon."""
     low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
@@ -92,7 +93,7 @@ def _cell_centres(vertices, columns, rows):
     return points[_inside(points, vertices)]
 
 
-def _inside(points, vertices):
+def _inside(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Even-odd rule: [n] bool for points [n, 2] and a polygon [V, 2]."""
     x, y = points.T
     inside = np.zeros(len(points), dtype=bool)
@@ -103,7 +104,7 @@ def _inside(points, vertices):
     return inside
 
 
-def _without_excess(points, vertices, count):
+def _without_excess(points: np.ndarray, vertices: np.ndarray, count: int) -> np.ndarray:
     """Drop the points nearest to the polygon's edge, spread evenly among equally near ones."""
     excess = len(points) - count
     if excess == 0:
@@ -115,7 +116,7 @@ def _without_excess(points, vertices, count):
     return np.delete(points, dropped, axis=0)
 
 
-def _edge_distances(points, vertices):
+def _edge_distances(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Distance [n] of points [n, 2] to the polygon's nearest side."""
     distances = np.full(len(points), np.inf)
     for start, end in zip(vertices, np.roll(vertices, -1, axis=0)):

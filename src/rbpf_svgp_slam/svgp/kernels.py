@@ -10,9 +10,12 @@ because both derivatives are then products, without a division by a distance tha
     ∂ρ/∂x = −h·(ν̃/ℓ)²·(x − x')        ∂ρ/∂ℓ = h·t²/ℓ
 """
 
+from __future__ import annotations
+
 import math
 
 import torch
+from torch import Tensor
 
 #: t is never smaller, so that h is finite; where x = x' it is multiplied by x − x' = 0 anyway.
 SMALLEST_T = 1e-12
@@ -24,7 +27,7 @@ class Matern12:
     scale = 1.0
 
     @staticmethod
-    def evaluate(t, rho, h):
+    def evaluate(t: Tensor, rho: Tensor, h: Tensor) -> None:
         """Fill rho, h [..] with ρ(t), h(t) for t [..] > 0."""
         # h = exp(−t)/t
         torch.neg(t, out=rho).exp_()
@@ -37,7 +40,7 @@ class Matern32:
     scale = math.sqrt(3.0)
 
     @staticmethod
-    def evaluate(t, rho, h):
+    def evaluate(t: Tensor, rho: Tensor, h: Tensor) -> None:
         """Fill rho, h [..] with ρ(t), h(t) for t [..] > 0."""
         # h = exp(−t)
         torch.neg(t, out=h).exp_()
@@ -50,7 +53,7 @@ class Matern52:
     scale = math.sqrt(5.0)
 
     @staticmethod
-    def evaluate(t, rho, h):
+    def evaluate(t: Tensor, rho: Tensor, h: Tensor) -> None:
         """Fill rho, h [..] with ρ(t), h(t) for t [..] > 0."""
         # h = (1 + t)·exp(−t)/3, ρ = 3·h + t²·exp(−t)/3
         torch.neg(t, out=rho).exp_()
@@ -67,13 +70,15 @@ class Correlation:
     Buffers [S, M] are allocated once and filled by every call of `evaluate`.
     """
 
-    def __init__(self, kernel, shape, dtype, device):
+    def __init__(
+        self, kernel: str, shape: tuple[int, int], dtype: torch.dtype, device: torch.device
+    ) -> None:
         self.kernel = KERNELS[kernel]
         self.rho, self._h, self._t, self._dx, self._dy = (
             torch.empty(shape, dtype=dtype, device=device) for _ in range(5)
         )
 
-    def evaluate(self, Z, X, lengthscale_m):
+    def evaluate(self, Z: Tensor, X: Tensor, lengthscale_m: float) -> Tensor:
         """Return ρ [S, M] between Z [S, 2] and X [M, 2], positions in metres.
 
         Distances come from the differences of each coordinate: |z|² + |x|² − 2·zᵀx would lose
@@ -92,7 +97,7 @@ class Correlation:
         self.kernel.evaluate(self._t, self.rho, self._h)
         return self.rho
 
-    def pull_back(self, W):
+    def pull_back(self, W: Tensor) -> tuple[Tensor, Tensor, float]:
         """Gradients of a scalar E from W [S, M] = ∂E/∂ρ: ∂E/∂Z [S, 2], ∂E/∂X [M, 2], ∂E/∂ℓ.
 
         Belongs to the last `evaluate`, whose h is used up.

@@ -7,17 +7,22 @@ At S = 400 this saves 35 to 65 % of each product's time.
 An `out` argument named *lower* has to be zero above its diagonal on entry, and is so on return.
 """
 
+from __future__ import annotations
+
 import logging
 
 import torch
+from torch import Tensor
 
 logger = logging.getLogger(__name__)
 
 #: Columns per block: narrow enough to skip most of the known half, wide enough to stay efficient.
 BLOCK = 80
+#: No jitter is tried beyond this share of the prior variance: the model would be another one.
+LARGEST_JITTER = 0.1
 
 
-def gram(A, out):
+def gram(A: Tensor, out: Tensor) -> Tensor:
     """out [S, S] = A Aᵀ for A [S, M]."""
     for i, j in _blocks(len(out)):
         torch.mm(A[i:], A[i:j].T, out=out[i:, i:j])
@@ -25,7 +30,7 @@ def gram(A, out):
     return out
 
 
-def gram_of_lower(R, out):
+def gram_of_lower(R: Tensor, out: Tensor) -> Tensor:
     """out [S, S] = R Rᵀ for R [S, S] lower triangular."""
     for i, j in _blocks(len(out)):
         torch.mm(R[i:, :j], R[i:j, :j].T, out=out[i:, i:j])
@@ -33,7 +38,7 @@ def gram_of_lower(R, out):
     return out
 
 
-def lower_of_product(A, B, lower):
+def lower_of_product(A: Tensor, B: Tensor, lower: Tensor) -> Tensor:
     """lower [S, S] = tril(A B) for A, B [S, S]."""
     for i, j in _blocks(len(lower)):
         torch.mm(A[i:], B[:, i:j], out=lower[i:, i:j])
@@ -41,7 +46,7 @@ def lower_of_product(A, B, lower):
     return lower
 
 
-def lower_of_product_with_lower(A, R, lower):
+def lower_of_product_with_lower(A: Tensor, R: Tensor, lower: Tensor) -> Tensor:
     """lower [S, S] = tril(A R) for A [S, S] and R [S, S] lower triangular."""
     for i, j in _blocks(len(lower)):
         torch.mm(A[i:, i:], R[i:, i:j], out=lower[i:, i:j])
@@ -49,7 +54,12 @@ def lower_of_product_with_lower(A, R, lower):
     return lower
 
 
-def _blocks(size):
+def product_with_transposed_lower(R: Tensor, A: Tensor) -> Tensor:
+    """Rᵀ A [S, n] for R [S, S] lower triangular and A [S, n]."""
+    return torch.cat([R[i:, i:j].T @ A[i:] for i, j in _blocks(len(R))])
+
+
+def _blocks(size: int) -> list[tuple[int, int]]:
     """Bounds (i, j) of the blocks of columns, from left to right."""
     return [(i, min(i + BLOCK, size)) for i in range(0, size, BLOCK)]
 
@@ -58,17 +68,22 @@ class NotPositiveDefinite(ArithmeticError):
     """A covariance matrix has no Cholesky factor, whatever the jitter."""
 
 
-def cholesky(K, jitter):
-    """Return the lower factor L [S, S] of K + jitter·I; the jitter is left added to K.
+def cholesky(K: Tensor, jitter: float) -> tuple[Tensor, int]:
+    """Lower factor L [S, S] of K + jitter·I, which is left in K, and how often that failed.
 
-    Should that fail, which is always logged, the jitter is raised up to a thousandfold.
+    After a failure, which is always logged, the jitter is raised tenfold, up to LARGEST_JITTER.
     """
-    added = 0.0
-    for growth in (1.0, 10.0, 100.0, 1000.0):
-        K.diagonal().add_(growth * jitter - added)
-        added = growth * jitter
+    added, failures = 0.0, 0
+    while True:
+        K.diagonal().add_(jitter - added)
+        added = jitter
         L, info = torch.linalg.cholesky_ex(K)
         if info.item() == 0:
-            return L
+            return L, failures
+        failures += 1
         logger.warning("covariance of the inducing points: no Cholesky with jitter %g", added)
-    raise NotPositiveDefinite(f"covariance of the inducing points: no Cholesky up to {added:g}")
+        jitter *= 10.0
+        if jitter > LARGEST_JITTER:
+            raise NotPositiveDefinite(
+                f"covariance of the inducing points: no Cholesky with jitter {added:g}"
+            )

@@ -14,14 +14,18 @@ need the kernel matrices. With e = y − c − √o·Aᵀm, G = A Aᵀ, H = I �
 N is the number of beams in the log, M that of the minibatch.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 from torch.linalg import solve_triangular
 
 from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.kernels import Correlation
+from rbpf_svgp_slam.svgp.parameters import Parameters
 
 #: |R_ii| counts as no less than this in log|R_ii|. The smallest that data can ask for is about
 #: σ·√(S/(N·o)): 2e-5 for 12 million beams of σ = 0.02 m over a relief of 5 m.
@@ -36,8 +40,8 @@ class _Forward:
     o: float  # outputscale, m²
     noise: float  # σ², m²
     s: float  # 1/(σ²M), 1/m²
-    e: torch.Tensor  # [M] y − c − √o·Aᵀm, m
-    Ae: torch.Tensor  # [S] A e, m
+    e: Tensor  # [M] y − c − √o·Aᵀm, m
+    Ae: Tensor  # [S] A e, m
     squares: float  # eᵀe, m²
     trace: float  # tr H G
 
@@ -48,9 +52,19 @@ class Objective:
     Keeps work space only: one instance serves all maps of the same shapes, one after the other.
     """
 
-    def __init__(self, inducing_points, minibatch_size, kernel, jitter, dtype, device):
+    def __init__(
+        self,
+        inducing_points: int,
+        minibatch_size: int,
+        kernel: str,
+        jitter: float,
+        dtype: torch.dtype,
+        device: torch.device,
+    ) -> None:
         S, M = inducing_points, minibatch_size
         self._jitter = jitter
+        #: How often the last evaluation had to raise the jitter.
+        self.jitter_raises = 0
         self._zz = Correlation(kernel, (S, S), dtype, device)
         self._zx = Correlation(kernel, (S, M), dtype, device)
         self._A = torch.empty((S, M), dtype=dtype, device=device)
@@ -59,11 +73,13 @@ class Objective:
             torch.zeros((S, S), dtype=dtype, device=device) for _ in range(4)
         )
 
-    def evaluate(self, theta, X, y, N, gradient):
+    def evaluate(
+        self, theta: Parameters, X: Tensor, y: Tensor, N: int, gradient: Parameters
+    ) -> float:
         """Return ELBO/N in nats and fill gradient with its derivatives.
 
-        theta, gradient: `Parameters`; X [M, 2] positions, m; y [M] depths less the map's
-        reference, m; N: beams in the log. Raises `NotPositiveDefinite`.
+        X [M, 2] positions, m; y [M] z less the map's reference, m; N: beams in the log. Raises
+        `NotPositiveDefinite`.
         """
         forward = self._forward(theta, X, y)
         self._variational_gradients(theta, forward, N, gradient)
@@ -73,11 +89,11 @@ class Objective:
         log_noise = math.log(2.0 * math.pi * forward.noise)
         return -0.5 * (log_noise + forward.s * misfit) - kl_divergence(theta) / N
 
-    def _forward(self, theta, X, y):
+    def _forward(self, theta: Parameters, X: Tensor, y: Tensor) -> _Forward:
         """Factorise Kzz, project the minibatch: L, A, G, H and the residuals."""
         lengthscale, o, noise = theta.hyperparameters()
         K = self._zz.evaluate(theta.Z, theta.Z, lengthscale)
-        self._L = linalg.cholesky(K, self._jitter)
+        self._L, self.jitter_raises = linalg.cholesky(K, self._jitter)
         # A = L⁻¹ρ(Z, X)      G = A Aᵀ      H = I − R Rᵀ
         rho = self._zx.evaluate(theta.Z, X, lengthscale)
         A = solve_triangular(self._L, rho, upper=False, out=self._A)
@@ -98,7 +114,9 @@ class Objective:
             trace=torch.mul(H, G, out=self._V).sum(dtype=torch.float64).item(),
         )
 
-    def _variational_gradients(self, theta, forward, N, gradient):
+    def _variational_gradients(
+        self, theta: Parameters, forward: _Forward, N: int, gradient: Parameters
+    ) -> None:
         """∂m [S] and ∂R [S, S], lower triangular."""
         o, s = forward.o, forward.s
         # ∂m = s·√o·A e − m/N
@@ -108,7 +126,7 @@ class Objective:
         gradient.R.mul_(-s * o).add_(theta.R, alpha=-1.0 / N)
         gradient.R.diagonal().add_(_diagonal(theta.R).reciprocal(), alpha=1.0 / N)
 
-    def _model_gradients(self, theta, forward, gradient):
+    def _model_gradients(self, theta: Parameters, forward: _Forward, gradient: Parameters) -> None:
         """∂Z [S, 2], ∂c and the derivatives by the raw ℓ, o and σ²."""
         o, s, M = forward.o, forward.s, self._A.shape[1]
         W, U = self._kernel_gradients(theta, forward)
@@ -125,7 +143,7 @@ class Objective:
         raw = [d * slope for d, slope in zip((dl + dl_zz, do, dnoise), slopes)]
         gradient.raw.copy_(torch.tensor(raw, dtype=torch.float64))
 
-    def _kernel_gradients(self, theta, forward):
+    def _kernel_gradients(self, theta: Parameters, forward: _Forward) -> tuple[Tensor, Tensor]:
         """W [S, M] = ∂ELBO/∂ρ(Z, X), and U [S, S] for ρ(Z, Z), not symmetrised."""
         L, o, s = self._L, forward.o, forward.s
         # Q = tril(s·√o·m (A e)ᵀ + s·o·H G), the diagonal halved
@@ -143,7 +161,7 @@ class Objective:
         return W, U.neg_()
 
 
-def kl_divergence(theta):
+def kl_divergence(theta: Parameters) -> float:
     """KL(q(v) ‖ N(0, I)) = ½·(tr R Rᵀ + mᵀm − S − 2·Σ log|R_ii|), nats."""
     m, R = theta.m, theta.R
     squares = (m * m).sum(dtype=torch.float64) + (R * R).sum(dtype=torch.float64)
@@ -151,7 +169,7 @@ def kl_divergence(theta):
     return 0.5 * (squares - len(m) - log_determinant).item()
 
 
-def _diagonal(R):
+def _diagonal(R: Tensor) -> Tensor:
     """R_ii [S], of either sign, but away from zero, where −log|R_ii| has its pole.
 
     Adam may step across the pole, which is harmless: only R Rᵀ matters. An element that happens

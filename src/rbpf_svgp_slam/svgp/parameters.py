@@ -3,11 +3,14 @@
 One vector makes the optimizer a handful of operations, whatever the number of parameters.
 """
 
+from __future__ import annotations
+
 import functools
 import math
 
 import numpy as np
 import torch
+from torch import Tensor
 
 #: Smallest ℓ [m], o [m²] and σ² [m²]. The last is the default of GPyTorch's GaussianLikelihood,
 #: a σ of 1 cm; the others only keep divisions by ℓ and √o finite.
@@ -26,7 +29,7 @@ class Parameters:
     c        [1]     constant mean, m
     """
 
-    def __init__(self, inducing_points, dtype, device):
+    def __init__(self, inducing_points: int, dtype: torch.dtype, device: torch.device) -> None:
         S = inducing_points
         self.flat = torch.zeros(S + S * S + 2 * S + 4, dtype=dtype, device=device)
         m, R, Z, raw, c = self.flat.split([S, S * S, 2 * S, 3, 1])
@@ -34,30 +37,32 @@ class Parameters:
         #: [S + S²] what belongs to q(v), and [2S + 4] what belongs to the prior and the noise.
         self.variational, self.model = self.flat.split([S + S * S, 2 * S + 4])
 
-    def set_hyperparameters(self, lengthscale_m, outputscale_m2, noise_variance_m2):
+    def set_hyperparameters(
+        self, lengthscale_m: float, outputscale_m2: float, noise_variance_m2: float
+    ) -> None:
         """Set ℓ, o and σ² from their values, which have to be above their floors."""
         values = zip((lengthscale_m, outputscale_m2, noise_variance_m2), FLOORS)
         raw = [inverse_softplus(value - floor) for value, floor in values]
         self.raw.copy_(torch.tensor(raw, dtype=torch.float64))
 
-    def hyperparameters(self):
+    def hyperparameters(self) -> list[float]:
         """Return ℓ [m], o [m²] and σ² [m²], in double precision."""
         return [softplus(raw) + floor for raw, floor in zip(self.raw.tolist(), FLOORS)]
 
-    def hyperparameter_slopes(self):
+    def hyperparameter_slopes(self) -> list[float]:
         """Return ∂ℓ/∂raw, ∂o/∂raw and ∂σ²/∂raw: the logistic function of each raw value."""
         return [1.0 / (1.0 + math.exp(-raw)) for raw in self.raw.tolist()]
 
     @property
-    def packed_size(self):
+    def packed_size(self) -> int:
         """Numbers that `pack` returns: S + S(S + 1)/2 + 2S + 4."""
         return len(self.flat) - len(self.m) * (len(self.m) - 1) // 2
 
-    def pack(self, vector):
+    def pack(self, vector: Tensor) -> np.ndarray:
         """Array [packed_size] of a vector like `flat`, less R's upper triangle."""
         return vector.cpu().numpy()[_packed_index(len(self.m))]
 
-    def unpack(self, array, vector):
+    def unpack(self, array: np.ndarray, vector: Tensor) -> None:
         """Fill a vector like `flat` from what `pack` returned."""
         full = np.zeros(len(vector), dtype=array.dtype)
         full[_packed_index(len(self.m))] = array
@@ -65,18 +70,18 @@ class Parameters:
 
 
 @functools.lru_cache(maxsize=1)
-def _packed_index(S):
+def _packed_index(S: int) -> np.ndarray:
     """Where in `flat` the numbers are that can differ from zero."""
     rows, columns = np.tril_indices(S)
     after = S + S * S + np.arange(2 * S + 4)
     return np.concatenate([np.arange(S), S + S * rows + columns, after])
 
 
-def softplus(x):
+def softplus(x: float) -> float:
     """log(1 + exp(x)), without overflow."""
     return max(x, 0.0) + math.log1p(math.exp(-abs(x)))
 
 
-def inverse_softplus(y):
+def inverse_softplus(y: float) -> float:
     """x such that softplus(x) = y, for y > 0."""
     return y + math.log(-math.expm1(-y))

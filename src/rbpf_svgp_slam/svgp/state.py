@@ -4,11 +4,12 @@ format           'rbpf_svgp_slam/svgp'
 version          1; other versions are refused
 config           JSON of the settings that the map was trained with (config.py)
 iterations       steps taken                        skipped_steps  steps undone
+jitter_raises    times that a Cholesky factorisation wanted a larger jitter
 reference_m      what is subtracted from every depth; NaN before the first step
 parameters       [P] m [S], R [S, S] by rows up to the diagonal, Z [S, 2], raw ℓ, o, σ² and c
 adam_steps       steps that Adam counts, and its two moments, in the order of `parameters`:
 adam_first       [P]                                adam_second    [P]
-averages         [<= window + 1] moving averages of the ELBO, nats, oldest first
+averages         [<= window + 1] mature moving averages of the ELBO, nats, oldest first
 average_weight   weight gathered by the moving average, 0 .. 1
 raw_average      the average times that weight      ready          converged
 
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from typing import Any, Mapping
 
 import numpy as np
 
@@ -30,6 +32,7 @@ ENTRIES = {
     "config": ("U", 0),
     "iterations": ("i", 0),
     "skipped_steps": ("i", 0),
+    "jitter_raises": ("i", 0),
     "reference_m": ("f", 0),
     "parameters": ("f", 1),
     "adam_steps": ("i", 0),
@@ -42,7 +45,7 @@ ENTRIES = {
 }
 
 
-def encode(entries) -> bytes:
+def encode(entries: Mapping[str, Any]) -> bytes:
     """Bytes of a state with exactly the names in ENTRIES."""
     buffer = io.BytesIO()
     np.savez(buffer, format=FORMAT, version=VERSION, **entries)
@@ -72,6 +75,6 @@ def decode(data: bytes) -> dict[str, np.ndarray]:
     return entries
 
 
-def _expect(name, value, expected):
+def _expect(name: str, value: Any, expected: Any) -> None:
     if str(value) != str(expected):
         raise ValueError(f"map's {name} is {value}; expected {expected}")

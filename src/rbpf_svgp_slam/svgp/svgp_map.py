@@ -29,6 +29,9 @@ STRUCTURE = ("inducing_points", "kernel", "jitter", "dtype")
 
 _work_space = threading.local()
 
+# numpy looks for the smallest denormal once, and warns where it finds them flushed to zero.
+np.finfo(np.float32), np.finfo(np.float64)
+
 
 class SvgpMap(MapEngine):
     """A map that learns by Adam on the closed-form gradients of the minibatch ELBO.
@@ -50,7 +53,7 @@ class SvgpMap(MapEngine):
             config.noise_std_m**2,
         )
 
-    def _allocate(self, config):
+    def _allocate(self, config: SvgpConfig) -> None:
         """Everything but the values of the parameters."""
         if config.device == "cuda" and not torch.cuda.is_available():
             raise ValueError("svgp/device is 'cuda'; expected cpu, torch finds no GPU here")
@@ -66,6 +69,8 @@ class SvgpMap(MapEngine):
         self._posterior = None
         self.iterations = 0
         self.skipped_steps = 0
+        #: How often Kzz wanted a larger jitter than configured.
+        self.jitter_raises = 0
 
     @property
     def ready(self) -> bool:
@@ -85,6 +90,8 @@ class SvgpMap(MapEngine):
 
     def train_step(self, beams: np.ndarray, beams_in_log: int) -> None:
         beams = _checked(beams, 3, "beams")
+        if len(beams) == 0:
+            raise ValueError("beams has shape (0, 3); expected at least one beam")
         if beams_in_log < 1:
             raise ValueError(f"beams_in_log is {beams_in_log}; expected at least 1")
         # From the first step on the depths are small numbers, at 10 m of water as at 3000 m.
@@ -93,7 +100,7 @@ class SvgpMap(MapEngine):
             reference_m = float(beams[:, 2].mean(dtype=np.float64))
         X = self._tensor(beams[:, :2])
         y = self._tensor(beams[:, 2].astype(np.float64) - reference_m)
-        # Denormals, as of the kernel at large distances, cost a hundred times other numbers.
+        # Denormals, as of the kernel at large distances, take many CPUs far longer than numbers.
         torch.set_flush_denormal(True)
         objective, gradient = self._work_space(len(beams))
         try:
@@ -101,6 +108,7 @@ class SvgpMap(MapEngine):
         except NotPositiveDefinite as error:
             self._skip(str(error))
             return
+        self.jitter_raises += objective.jitter_raises
         self._freeze(gradient)
         # Not finite if any element, or its square, which Adam keeps, is not.
         if not math.isfinite(elbo + torch.dot(gradient.flat, gradient.flat).item()):
@@ -131,6 +139,7 @@ class SvgpMap(MapEngine):
                 "config": json.dumps(self.config.as_dict()),
                 "iterations": self.iterations,
                 "skipped_steps": self.skipped_steps,
+                "jitter_raises": self.jitter_raises,
                 "reference_m": self._reference_m,
                 "parameters": pack(self._theta.flat),
                 "adam_steps": self._adam.steps,
@@ -157,7 +166,7 @@ class SvgpMap(MapEngine):
         restored._restore(entries)
         return restored
 
-    def _restore(self, entries):
+    def _restore(self, entries: dict[str, np.ndarray]) -> None:
         """Take over the entries of a decoded state."""
         theta, adam, convergence = self._theta, self._adam, self._convergence
         for name, vector in (
@@ -177,12 +186,13 @@ class SvgpMap(MapEngine):
         self._reference_m = entries["reference_m"].item()
         self.iterations = entries["iterations"].item()
         self.skipped_steps = entries["skipped_steps"].item()
+        self.jitter_raises = entries["jitter_raises"].item()
 
-    def _tensor(self, array):
+    def _tensor(self, array: np.ndarray) -> torch.Tensor:
         """In this map's precision, where this map lives."""
         return torch.as_tensor(np.ascontiguousarray(array), dtype=self._dtype, device=self._device)
 
-    def _work_space(self, M):
+    def _work_space(self, M: int) -> tuple[Objective, Parameters]:
         """This thread's `Objective` for minibatches of M, and a vector for its gradient."""
         config = self.config
         shape = config.inducing_points, M, config.kernel, config.jitter, self._dtype, self._device
@@ -192,7 +202,7 @@ class SvgpMap(MapEngine):
             _work_space.shape = shape
         return _work_space.objective, _work_space.gradient
 
-    def _freeze(self, gradient):
+    def _freeze(self, gradient: Parameters) -> None:
         """Take what is not to be learned out of a gradient."""
         if not self.config.learn_inducing_points:
             gradient.Z.zero_()
@@ -200,30 +210,30 @@ class SvgpMap(MapEngine):
             gradient.raw.zero_()
             gradient.c.zero_()
 
-    def _rates(self):
+    def _rates(self) -> tuple[tuple[int, float], tuple[int, float]]:
         """Learning rates of q(v) and of the model, each with its number of parameters."""
         rate = self.config.learning_rate
         model_rate = self.config.model_learning_rate or rate
         return (len(self._theta.variational), rate), (len(self._theta.model), model_rate)
 
-    def _skip(self, reason):
+    def _skip(self, reason: str) -> None:
         """Leave parameters, optimizer and moving average as they were before the step."""
         self.skipped_steps += 1
         logger.warning("training step undone, %d so far: %s", self.skipped_steps, reason)
 
 
-def _checked(points, columns, name):
-    """Array [n, columns], n > 0, of finite numbers."""
+def _checked(points: np.ndarray, columns: int, name: str) -> np.ndarray:
+    """Array [n, columns] of finite numbers."""
     points = np.asarray(points)
-    if points.ndim != 2 or points.shape[1] != columns or len(points) == 0:
-        raise ValueError(f"{name} has shape {points.shape}; expected [n, {columns}] with n > 0")
+    if points.ndim != 2 or points.shape[1] != columns:
+        raise ValueError(f"{name} has shape {points.shape}; expected [n, {columns}]")
     bad = np.count_nonzero(~np.isfinite(points).all(axis=1))
     if bad:
         raise ValueError(f"{bad} of {len(points)} {name} are not finite; expected none")
     return points
 
 
-def _written_config(text):
+def _written_config(text: str) -> SvgpConfig:
     try:
         return SvgpConfig(**json.loads(text))
     except (TypeError, ValueError) as error:
