@@ -111,7 +111,7 @@ def test_truncated_bytes_are_refused(length):
 
 
 @given(position=st.integers(0, len(BYTES) - 1), bit=st.integers(0, 7))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=300, deadline=None)
 def test_damaged_bytes_are_refused_or_harmless(position, bit):
     damaged = bytearray(BYTES)
     damaged[position] ^= 1 << bit

@@ -60,7 +60,7 @@ class Recorder:
                 return 1
             self._finish_survey()
             report = write_run(assemble_run(self, source), self.out_dir)
-        except (RuntimeError, OSError, rospy.ServiceException) as error:
+        except (RuntimeError, ValueError, OSError, rospy.ServiceException) as error:
             rospy.logfatal("No report: %s", error)
             return 1
         self._print_summary(report)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import rospy
 
-from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses
+from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses, write_tum
 from rbpf_svgp_slam.ros.survey_client import fetch_map, fetch_survey
 from rbpf_svgp_slam.ros.survey_grid import inside, survey_origin
 
@@ -24,6 +24,7 @@ def assemble_run(recorder: Recorder, source: PlayedBag | OfflineReplay | None) -
     status = recorder.statuses[-1]
     parameters = recorder.parameters
     survey = fetch_survey()
+    _save_trajectories(recorder.out_dir, survey)
     engine = fetch_map(
         status.best_particle, status.epoch, parameters["particles"], parameters["nodes"]
     )
@@ -58,6 +59,13 @@ def assemble_run(recorder: Recorder, source: PlayedBag | OfflineReplay | None) -
         status_history=_history(recorder.statuses),
         config=parameters,
     )
+
+
+def _save_trajectories(out_dir: Path, survey: Any) -> None:
+    """At once: a map that cannot be had must not cost the survey."""
+    out_dir.mkdir(parents=True, exist_ok=True)
+    write_tum(out_dir / "trajectory.tum", survey.stamp_s, survey.estimate)
+    write_tum(out_dir / "dead_reckoning.tum", survey.stamp_s, survey.dead_reckoning)
 
 
 def _grid(area: list, resolution_m: float, predict: Any) -> GridMap:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from typing import Any, Mapping
 
 import numpy as np
@@ -44,6 +45,18 @@ ENTRIES = {
     "ready": ("b", 0),
 }
 
+#: What numpy and zipfile raise at bytes that are no npz file or a damaged one.
+READING_ERRORS = (
+    AttributeError,
+    EOFError,
+    KeyError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
 
 def encode(entries: Mapping[str, Any]) -> bytes:
     """Bytes of a state with exactly the names in ENTRIES."""
@@ -57,7 +70,7 @@ def decode(data: bytes) -> dict[str, np.ndarray]:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             entries = {name: archive[name] for name in archive.files}
-    except (OSError, EOFError, KeyError, ValueError, AttributeError, zipfile.BadZipFile) as error:
+    except READING_ERRORS as error:
         raise ValueError(
             f"map of {len(data)} bytes is truncated or no npz file ({error}); expected {FORMAT}"
         ) from error
