@@ -107,8 +107,8 @@ void Publishers::publishVehicle(const std_msgs::Header& header) {
   marker.ns = "vehicle";
   marker.type = visualization_msgs::Marker::ARROW;  // along x, as the vehicle
   marker.pose = toPose(estimate.mean, estimate.attitude);
-  marker.scale.x = 6.0;  // m: larger than the vehicle, to be seen over a whole survey
-  marker.scale.y = marker.scale.z = 1.5;
+  marker.scale.x = 12.0;  // m: larger than the vehicle, to be seen over a whole survey
+  marker.scale.y = marker.scale.z = 3.0;
   marker.color.r = marker.color.a = 1.0F;
   marker.color.g = 0.75F;
   vehicle_.publish(marker);

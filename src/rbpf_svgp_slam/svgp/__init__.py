@@ -1,0 +1,1 @@
+"""Stochastic variational Gaussian process (SVGP) maps; free of ROS."""
