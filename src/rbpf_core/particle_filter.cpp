@@ -332,6 +332,11 @@ std::size_t ParticleFilter::beams() const {
   return log_.size();
 }
 
+std::size_t ParticleFilter::beamsReleased() const {
+  std::shared_lock lock(mutex_);
+  return released_beams_;
+}
+
 std::size_t ParticleFilter::beamsHeldOut() const {
   std::shared_lock lock(mutex_);
   return held_out_.size();

@@ -112,7 +112,8 @@ class ParticleFilter {
   std::size_t particleCount() const { return params_.particles; }
   std::size_t pings() const;
   std::size_t pingsWaiting() const;
-  std::size_t beams() const;  // in the training log
+  std::size_t beams() const;          // in the training log
+  std::size_t beamsReleased() const;  // of those, that minibatches are drawn from now
   std::size_t beamsHeldOut() const;
   Counters counters() const;
 

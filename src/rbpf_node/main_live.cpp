@@ -2,6 +2,7 @@
 #include <ros/ros.h>
 #include <tf2_ros/transform_listener.h>
 
+#include <cstdio>
 #include <cstdlib>
 #include <thread>
 
@@ -34,7 +35,8 @@ int main(int argc, char** argv) {
     }
     spinning.stop();
   } catch (const std::exception& error) {
-    ROS_FATAL("%s", error.what());
+    // rosconsole has been shut down with the last node handle
+    std::fprintf(stderr, "[FATAL] %s: %s\n", argv[0], error.what());
     return EXIT_FAILURE;
   }
   return EXIT_SUCCESS;

@@ -2,6 +2,7 @@
 // name, so that map nodes and recorder find it where they always do, and stays until shut down.
 #include <ros/ros.h>
 
+#include <cstdio>
 #include <cstdlib>
 
 #include "rbpf_node/node.hpp"
@@ -23,7 +24,8 @@ int main(int argc, char** argv) {
     own.setParam("replay_finished", true);  // the recorder waits for this
     ros::waitForShutdown();
   } catch (const std::exception& error) {
-    ROS_FATAL("%s", error.what());
+    // rosconsole has been shut down with the last node handle
+    std::fprintf(stderr, "[FATAL] %s: %s\n", argv[0], error.what());
     return EXIT_FAILURE;
   }
   return EXIT_SUCCESS;

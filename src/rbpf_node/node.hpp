@@ -30,6 +30,7 @@ class SlamNode {
   tf2_ros::Buffer& transforms() { return transforms_; }
   LoopClosureLoop& loopClosureLoop() { return loop_; }
   const Services& services() const { return services_; }
+  const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
   void handOnPings();

@@ -71,6 +71,7 @@ void replayOffline(const std::string& bag_path, const OfflineTopics& topics,
   rosbag::View view(bag,
                     rosbag::TopicQuery(std::vector<std::string>{topics.odometry, topics.pings}));
   const ros::Time begin = view.getBeginTime();
+  double first_beams_s = 0.0;
   Progress progress((view.getEndTime() - begin).toSec());
   for (const rosbag::MessageInstance& instance : view) {
     if (!ros::ok()) throw std::runtime_error("interrupted");
@@ -80,9 +81,8 @@ void replayOffline(const std::string& bag_path, const OfflineTopics& topics,
     } else if (const auto ping = instance.instantiate<sensor_msgs::PointCloud2>()) {
       slam->handlePing(ping);
     }
-    // the first beams are released to the maps mapping/hold_back_s after the survey's start
-    const double training_s = survey_s - params.filter.hold_back_s;
-    const double steps_due = params.offline_steps_per_second * training_s;
+    if (slam->filter().beamsReleased() == 0) first_beams_s = survey_s;
+    const double steps_due = params.offline_steps_per_second * (survey_s - first_beams_s);
     while (ros::ok() && static_cast<double>(slam->services().minibatchesServed()) < steps_due) {
       std::this_thread::sleep_for(kPoll);
       progress.update(survey_s);

@@ -157,6 +157,15 @@ TEST(RobustRule, CountsAPingAsManyBeamsAsItIsWorthNotAsItHas) {
   EXPECT_TRUE(few.likelihood().log_likelihood.isApprox(many.likelihood().log_likelihood, 1e-12));
 }
 
+TEST(RobustRule, CountsAPingLessTheLessOfItLiesOverMappedSeabed) {
+  Prompt whole(2, 40);
+  whole.maps.mean_m.row(1) += 0.5;
+  Prompt half = whole;
+  half.maps.variance_m2.rightCols(20).setConstant(kUnmapped_m2);
+  EXPECT_TRUE(
+      (2.0 * half.likelihood().log_likelihood).isApprox(whole.likelihood().log_likelihood, 1e-12));
+}
+
 // Equal residuals: whoever overlaps more must neither gain nor lose by it.
 TEST(RobustRule, OverlapNeitherAttractsNorRepels) {
   for (const double residual_m : {0.0, 0.2, 0.8}) {
@@ -317,12 +326,15 @@ TEST(UpdateWeights, KeepsNEffWhereItWasIfThatIsBelowTheTarget) {
 }
 
 TEST(UpdateWeights, DoesNotTemperTheProductRule) {
-  Eigen::ArrayXd log_likelihood = Eigen::ArrayXd::Zero(10);
-  log_likelihood(3) = 1e5;
-  const WeightUpdate update = updateWeights(uniformLogWeights(10), log_likelihood, productRule());
-  EXPECT_EQ(update.tempering, 1.0);
-  EXPECT_NEAR(nEff(update.log_weights), 1.0, 1e-12);
-  EXPECT_TRUE(update.log_weights.allFinite());  // vanished weights stay numbers
+  for (const Eigen::Index particles : {2, 7, 10, 11}) {  // vectorised and scalar exponentials alike
+    Eigen::ArrayXd log_likelihood = Eigen::ArrayXd::Zero(particles);
+    log_likelihood(1) = 1e5;
+    const WeightUpdate update =
+        updateWeights(uniformLogWeights(particles), log_likelihood, productRule());
+    EXPECT_EQ(update.tempering, 1.0);
+    EXPECT_NEAR(nEff(update.log_weights), 1.0, 1e-12);
+    EXPECT_TRUE(update.log_weights.allFinite());  // vanished weights stay numbers
+  }
 }
 
 TEST(UpdateWeights, CarriesWeightsOverFromPromptToPrompt) {

@@ -186,23 +186,26 @@ TEST(Minibatches, DoNotMoveTheParticles) {
 // Four threads on one particle: together they get what one alone would have got, call by call.
 TEST(Minibatches, AreTheSameFromManyThreadsAsFromOne) {
   constexpr int kThreads = 4;
-  constexpr int kCalls = 200;
+  constexpr int kCalls = 5000;
   ParticleFilter shared(noisyParams());
   ParticleFilter alone(noisyParams());
   sail(shared, turning, 0, 30);
   sail(alone, turning, 0, 30);
   std::vector<std::vector<Batch>> of_thread(kThreads);
+  std::atomic<int> started{0};
   std::vector<std::thread> threads;
   for (int t = 0; t < kThreads; ++t) {
     threads.emplace_back([&, t] {
       auto& batches = of_thread[static_cast<std::size_t>(t)];
-      for (int call = 0; call < kCalls; ++call) batches.push_back(drawFrom(shared, 2, 20));
+      ++started;
+      while (started < kThreads) std::this_thread::yield();
+      for (int call = 0; call < kCalls; ++call) batches.push_back(drawFrom(shared, 2, 4));
     });
   }
   for (std::thread& thread : threads) thread.join();
   std::vector<Batch> seen, expected;
   for (auto& batches : of_thread) seen.insert(seen.end(), batches.begin(), batches.end());
-  for (int call = 0; call < kThreads * kCalls; ++call) expected.push_back(drawFrom(alone, 2, 20));
+  for (int call = 0; call < kThreads * kCalls; ++call) expected.push_back(drawFrom(alone, 2, 4));
   std::sort(seen.begin(), seen.end(), earlier);
   std::sort(expected.begin(), expected.end(), earlier);
   EXPECT_TRUE(seen == expected);

@@ -212,10 +212,11 @@ TEST(GoodBeams, RefusesHardlyAnyBeamOfANoisySlope) {
 }
 
 TEST(GoodBeams, ComparesDepthsAfterLevelling) {
-  // flat seabed seen at 0.6 rad of roll: a steep line in the body frame, with one spike
+  // flat seabed seen at 0.6 rad of roll, where a step aside is a step in the body frame's z
   const Attitude attitude{0.0, 0.6, 0.0};
   Ping ping = flatSwath(101);
-  ping.beams_m(2, 40) += 2.0F;
+  ping.beams_m(2, 40) += 2.0F;  // a spike
+  ping.beams_m(1, 70) += 3.0F;  // none: it hits the same flat seabed, further aside
   const Eigen::AngleAxisf back(-0.6F, Eigen::Vector3f::UnitX());
   ping.beams_m = (back.toRotationMatrix() * ping.beams_m).eval();
   const Beams good = goodBeams(ping, attitude, outlierFilter());

@@ -53,6 +53,13 @@ TEST(RandomStream, UniformHasTheMomentsOfTheUnitInterval) {
   EXPECT_NEAR(sum_of_squares / kDraws, 1.0 / 3.0, kStandardErrors * std::sqrt(4.0 / 45.0 / kDraws));
 }
 
+TEST(RandomStream, UniformStaysBelowOneForTheLargestDraw) {
+  constexpr std::uint64_t kBeforeTheLargest = 0x31628AF67B2131ABULL;  // SplitMix64 run backwards
+  ASSERT_EQ(RandomStream(kBeforeTheLargest)(), RandomStream::max());
+  EXPECT_LT(RandomStream(kBeforeTheLargest).uniform(), 1.0);
+  EXPECT_EQ(RandomStream(kBeforeTheLargest).below(1000), 999U);
+}
+
 TEST(MakeStream, IsAFunctionOfItsArgumentsAlone) {
   RandomStream a = makeStream(7, StreamPurpose::kMotion, 3, 9);
   makeStream(8, StreamPurpose::kMotion, 3, 9)();

@@ -71,8 +71,12 @@ class Recorder:
         if not bag:
             return None
         topics = {name: rospy.resolve_name(name) for name in ("odom", "mbes/pings")}
-        kind = OfflineReplay if rospy.get_param("~offline", False) else PlayedBag
-        return kind(bag, topics["odom"], topics["mbes/pings"])
+        if not rospy.get_param("~offline", False):
+            return PlayedBag(bag, topics["odom"], topics["mbes/pings"])
+        source = OfflineReplay(bag, topics["odom"], topics["mbes/pings"])
+        for message in source.messages(rospy.resolve_name("ground_truth")):
+            self._on_ground_truth(message)
+        return source
 
     def _follow(self, source: PlayedBag | OfflineReplay | None) -> None:
         progress = ProgressLine()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import Any, Iterator
 
 import rosbag
 import rospy
@@ -18,6 +19,7 @@ class _Bag:
     """First and last odometry stamp and the number of pings of a bag."""
 
     def __init__(self, path: str, odometry_topic: str, ping_topic: str) -> None:
+        self.path = path
         with rosbag.Bag(path) as bag:
             self.pings = bag.get_message_count(ping_topic)
             stamps = [
@@ -62,6 +64,12 @@ class PlayedBag(_Bag):
 
 class OfflineReplay(_Bag):
     """A bag read by rbpf_offline, which says by a parameter when it is through."""
+
+    def messages(self, topic: str) -> Iterator[Any]:
+        """What would have been heard on a topic, had the bag been played."""
+        with rosbag.Bag(self.path) as bag:
+            for _, message, _ in bag.read_messages(topics=[topic]):
+                yield message
 
     def is_over(self, status: FilterStatus) -> bool:
         """The replay is through and this status tells of its end."""
