@@ -25,9 +25,14 @@ void check(const Eigen::ArrayXd& z_m, const PingPrediction& prediction) {
                                 std::to_string(prediction.prior_variance_m2.size()) + " x " +
                                 std::to_string(z_m.size()));
   }
-  if (!mean.allFinite() || !(prediction.variance_m2 >= 0.0).all()) {
+  const auto isVariance = [](const auto& values) {
+    return values.allFinite() && values.minCoeff() >= 0.0;
+  };
+  if (!mean.allFinite() || !isVariance(prediction.variance_m2) ||
+      !(isVariance(prediction.prior_variance_m2) &&
+        prediction.prior_variance_m2.minCoeff() > 0.0)) {
     throw std::invalid_argument(
-        "prediction holds a mean that is not finite or a negative variance");
+        "prediction holds a mean that is not finite or a variance that is not finite and positive");
   }
 }
 

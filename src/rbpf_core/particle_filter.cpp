@@ -4,6 +4,7 @@
 #include <cmath>
 #include <mutex>
 #include <random>
+#include <shared_mutex>
 #include <stdexcept>
 
 #include "rbpf_core/resampling.hpp"

@@ -6,10 +6,10 @@
 #include <deque>
 #include <map>
 #include <optional>
-#include <shared_mutex>
 #include <string>
 #include <vector>
 
+#include "rbpf_core/fair_shared_mutex.hpp"
 #include "rbpf_core/mbes_log.hpp"
 #include "rbpf_core/minibatch.hpp"
 #include "rbpf_core/motion_model.hpp"
@@ -136,7 +136,7 @@ class ParticleFilter {
   Beams beamsOf(std::size_t ping) const;
 
   const FilterParams params_;
-  mutable std::shared_mutex mutex_;  // guards everything below
+  mutable FairSharedMutex mutex_;  // guards everything below
   std::vector<RandomStream> motion_streams_;
   std::deque<Instant> recent_;  // the last few seconds, for pings that come late
   std::multimap<double, Ping> waiting_;

@@ -15,22 +15,53 @@ constexpr float kSmallestDeviation_m = 0.05F;
 float median(std::vector<float> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  if (values.size() % 2 == 1) return *middle;
+  return 0.5F * (*middle + *std::max_element(values.begin(), middle));
 }
 
-// Distance of each depth from the median of the window around it; windows are cut at the swath's
-// ends.
-std::vector<float> distanceFromRunningMedian(const Beams& beams, int window) {
-  const Eigen::Index n = beams.cols();
-  const Eigen::Index half = window / 2;
-  std::vector<float> distance(static_cast<std::size_t>(n));
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Index reach = std::min({half, i, n - 1 - i});
-    std::vector<float> depths;
-    for (Eigen::Index k = i - reach; k <= i + reach; ++k) depths.push_back(beams(2, k));
-    distance[static_cast<std::size_t>(i)] = std::abs(beams(2, i) - median(std::move(depths)));
+// Depths of the beams around beam i, itself included; cut off at the swath's ends.
+std::vector<float> depthsAround(const Beams& beams, Eigen::Index i, Eigen::Index reach) {
+  const Eigen::Index first = std::max<Eigen::Index>(0, i - reach);
+  const Eigen::Index last = std::min(beams.cols() - 1, i + reach);
+  std::vector<float> depths;
+  for (Eigen::Index k = first; k <= last; ++k) depths.push_back(beams(2, k));
+  return depths;
+}
+
+// What pairs of neighbours, each on its own, say of beam i's depth: the middle between one on
+// either side or, at the swath's ends, the continuation of two on one side.
+std::vector<float> depthsByPairs(const Beams& beams, Eigen::Index i, Eigen::Index reach) {
+  const Eigen::Index last = beams.cols() - 1;
+  std::vector<float> depths;
+  for (Eigen::Index k = 1; k <= reach; ++k) {
+    if (i - k >= 0 && i + k <= last) {
+      depths.push_back(0.5F * (beams(2, i - k) + beams(2, i + k)));
+    } else if (i + 2 * k <= last) {
+      depths.push_back(2.0F * beams(2, i + k) - beams(2, i + 2 * k));
+    } else if (i - 2 * k >= 0) {
+      depths.push_back(2.0F * beams(2, i - k) - beams(2, i - 2 * k));
+    }
   }
-  return distance;
+  return depths;
+}
+
+using Neighbours = std::vector<float> (*)(const Beams&, Eigen::Index, Eigen::Index);
+
+// Which beams lie too far from the median of what their neighbours say, in robust standard
+// deviations of all the ping's distances.
+std::vector<bool> farFromMedian(const Beams& beams, Neighbours neighbours,
+                                const PingFilterParams& params) {
+  std::vector<float> distance;
+  for (Eigen::Index i = 0; i < beams.cols(); ++i) {
+    const float expected = median(neighbours(beams, i, params.outlier_window / 2));
+    distance.push_back(std::abs(beams(2, i) - expected));
+  }
+  // 1.4826: from the median absolute deviation to a Gaussian's standard deviation
+  const float deviation = std::max(kSmallestDeviation_m, 1.4826F * median(distance));
+  const float limit = static_cast<float>(params.outlier_threshold) * deviation;
+  std::vector<bool> far;
+  for (const float d : distance) far.push_back(d > limit);
+  return far;
 }
 
 Beams select(const Beams& beams, const std::vector<Eigen::Index>& kept) {
@@ -41,15 +72,16 @@ Beams select(const Beams& beams, const std::vector<Eigen::Index>& kept) {
   return selected;
 }
 
+// Two witnesses must agree on an outlier: the running median is not misled by a cliff or by spikes
+// side by side, the median over pairs by no slope.
 Beams withoutOutliers(const Beams& beams, const PingFilterParams& params) {
   if (params.outlier_window == 0 || beams.cols() < params.outlier_window) return beams;
-  const std::vector<float> distance = distanceFromRunningMedian(beams, params.outlier_window);
-  // 1.4826: from the median absolute deviation to a Gaussian's standard deviation
-  const float deviation = std::max(kSmallestDeviation_m, 1.4826F * median(distance));
-  const float limit = static_cast<float>(params.outlier_threshold) * deviation;
+  const std::vector<bool> far_from_running_median = farFromMedian(beams, depthsAround, params);
+  const std::vector<bool> far_from_pairs = farFromMedian(beams, depthsByPairs, params);
   std::vector<Eigen::Index> kept;
   for (Eigen::Index i = 0; i < beams.cols(); ++i) {
-    if (distance[static_cast<std::size_t>(i)] <= limit) kept.push_back(i);
+    const auto k = static_cast<std::size_t>(i);
+    if (!(far_from_running_median[k] && far_from_pairs[k])) kept.push_back(i);
   }
   return select(beams, kept);
 }

@@ -38,9 +38,9 @@ rbpf_core::PingFilterParams pingFilter(ParameterReader& reader) {
   params.min_range_m = reader.number("pings/min_range_m", 0.0, kUnlimited);
   params.max_range_m = reader.number("pings/max_range_m", params.min_range_m, kUnlimited);
   params.outlier_window = static_cast<int>(reader.integer("pings/outlier_window", 0, 1001));
-  if (params.outlier_window != 0 && params.outlier_window % 2 == 0) {
+  if (params.outlier_window != 0 && (params.outlier_window % 2 == 0 || params.outlier_window < 3)) {
     ParameterReader::fail("pings/outlier_window", std::to_string(params.outlier_window),
-                          "an odd number of beams, or 0");
+                          "an odd number of beams from 3, or 0");
   }
   params.outlier_threshold = reader.number("pings/outlier_threshold", 1.0, kUnlimited);
   return params;

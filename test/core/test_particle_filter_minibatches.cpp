@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <set>
 #include <stdexcept>
@@ -209,6 +210,33 @@ TEST(Minibatches, AreTheSameFromManyThreadsAsFromOne) {
   std::sort(seen.begin(), seen.end(), earlier);
   std::sort(expected.begin(), expected.end(), earlier);
   EXPECT_TRUE(seen == expected);
+}
+
+// The map nodes draw as fast as they can, all at once; the survey must not wait for them.
+TEST(ParticleFilterThreads, TakeOdometryInWhileMinibatchesAreDrawnWithoutAPause) {
+  using Clock = std::chrono::steady_clock;
+  ParticleFilter filter(quietParams());
+  sail(filter, turning, 0, 5);
+  constexpr int kThreads = 6;
+  std::atomic<bool> stop{false};
+  std::atomic<int> drawing{0};
+  const Clock::time_point start = Clock::now();
+  const Clock::time_point deadline = start + std::chrono::seconds(10);  // of a test that fails
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&] {
+      std::vector<PlacedBeam> batch(1000);
+      ++drawing;
+      while (!stop && Clock::now() < deadline) filter.drawMinibatch(0, batch.size(), batch.data());
+    });
+  }
+  while (drawing < kThreads) std::this_thread::yield();
+  for (int k = 25; k < 125; ++k) filter.addOdometry(turning(0.2 * k));
+  const std::chrono::duration<double> taken = Clock::now() - start;
+  stop = true;
+  for (std::thread& thread : threads) thread.join();
+  // 20 s of odometry; with two cores for seven threads a message takes some time slices of 4 ms
+  EXPECT_LT(taken.count(), 8.0);
 }
 
 // Meant for ThreadSanitizer too: everything that runs at once in the live node.
