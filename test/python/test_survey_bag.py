@@ -86,7 +86,7 @@ def test_sidecars_hold_the_area_and_the_terrain(recording):
     assert command(*arguments, "--out", again) == 0
     (stamps, beams), (stamps_again, beams_again) = read_pings(path), read_pings(again)
     assert stamps == stamps_again, "the same seed and seabed give the same survey"
-    # but for rounding: vectorised sums may add in another order, after where an array happens to lie
+    # but for rounding: vectorised sums add in an order that depends on where an array lies
     np.testing.assert_allclose(beams, beams_again, rtol=0, atol=1e-4)
 
 
