@@ -232,6 +232,16 @@ TEST(GoodBeams, LeavesPingsThatAreShorterThanTheWindowAlone) {
   EXPECT_EQ(keptOf(flatSwath(100), outlierFilter(1001)), allBut(100, {}));
 }
 
+TEST(GoodBeams, FindsTheSpikeInTheShortestPingThatFillsItsWindow) {
+  for (const int window : {9, 21}) {
+    for (int spike = 0; spike < window; ++spike) {
+      Ping ping = flatSwath(window);
+      ping.beams_m(2, spike) += 10.0F;
+      EXPECT_EQ(keptOf(ping, outlierFilter(window)), allBut(window, {spike})) << window;
+    }
+  }
+}
+
 TEST(GoodBeams, CanDoWithoutTheOutlierFilter) {
   Ping ping = flatSwath(101);
   ping.beams_m(2, 50) += 10.0F;
