@@ -1,20 +1,18 @@
 #!/usr/bin/env bash
-# Takes docs/rviz.png: the demo's survey in RViz under a virtual display, at a share of its way.
-#   tools/screenshot.sh [PNG] [SECONDS after the start of the demo]
+# Takes docs/rviz.png: the demo's survey in RViz under a virtual display, halfway through.
+#   tools/screenshot.sh [PNG] [SECONDS after the start of the demo]    docs/rviz.png, 170
 set -euo pipefail
 cd "$(dirname "$0")/.."
 png=${1:-docs/rviz.png}
-after_s=${2:-150}
+after_s=${2:-170}
 tools/setup.sh
 
 export DISPLAY=:87 LIBGL_ALWAYS_SOFTWARE=1
 Xvfb "$DISPLAY" -screen 0 1500x900x24 >/dev/null 2>&1 &
 xvfb=$!
-tools/demo.sh --rviz "$(mktemp -d)" &
+setsid tools/demo.sh --rviz "$(mktemp -d)" &
 demo=$!
-trap 'kill $demo $xvfb 2>/dev/null || true' EXIT
+trap 'kill -TERM -- -$demo 2>/dev/null; kill $xvfb' EXIT
 sleep "$after_s"
 import -window root "$png"
 echo "$png"
-kill -INT $demo
-wait $demo || true
