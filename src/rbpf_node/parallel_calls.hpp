@@ -1,7 +1,7 @@
 // The same service on several nodes at once, with a deadline.
 #pragma once
 
-#include <ros/service.h>
+#include <ros/node_handle.h>
 
 #include <chrono>
 #include <future>
@@ -29,9 +29,12 @@ std::vector<Answer<Service>> callAll(const std::vector<std::string>& names,
   std::vector<std::future<Answer<Service>>> pending;
   for (std::size_t k = 0; k < names.size(); ++k) {
     std::packaged_task<Answer<Service>()> task([name = names[k], request = requests[k]] {
+      // Persistent, though used once: when the server closes the connection right after its answer,
+      // roscpp may take notice of the closing before the answer, and report a failure.
+      ros::ServiceClient client = ros::NodeHandle().serviceClient<Service>(name, true);
       Service call;
       call.request = request;
-      if (!ros::service::call(name, call)) return Answer<Service>{{}, name + " cannot be reached"};
+      if (!client.call(call)) return Answer<Service>{{}, name + " cannot be reached"};
       if (!call.response.success) return Answer<Service>{{}, name + ": " + call.response.message};
       return Answer<Service>{std::move(call.response), ""};
     });
