@@ -32,7 +32,8 @@ if [ ! -f build/Makefile ] || [ $# -gt 0 ]; then
     >build.log 2>&1 || { cat build.log; exit 1; }
   mv build.log build/configure.log
 fi
-cmake --build build --parallel "$(nproc)" -- --no-print-directory --quiet
+echo "Building (a few minutes the first time, seconds after that) ..."
+cmake --build build --parallel "$(nproc)" >build/build.log 2>&1 || { cat build/build.log; exit 1; }
 
 if $test && ! cmp -s tools/requirements-test.txt build/venv/requirements.txt; then
   python3 -m venv --clear build/venv

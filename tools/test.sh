@@ -23,7 +23,11 @@ step "style" python3 -m flake8 "${python[@]}"
 # the scripts in tools/ are for the source tree only
 step "style" catkin_lint -W1 --strict --offline --ignore uninstalled_script .
 
-step "build the tests" cmake --build build --parallel "$(nproc)" --target tests -- --quiet
+build_tests() {
+  cmake --build build --parallel "$(nproc)" --target tests >build/build.log 2>&1 ||
+    { cat build/build.log; return 1; }
+}
+step "build the tests" build_tests
 for binary in build/devel/lib/rbpf_svgp_slam/test_*; do
   name=$(basename "$binary")
   step "gtest $name" "$binary" --gtest_brief=1 --gtest_output="xml:$results/$name.xml"

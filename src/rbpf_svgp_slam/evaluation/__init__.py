@@ -1,6 +1,7 @@
 """Evaluation of a finished run: metrics, figures and the run folder. Needs no ROS."""
 
 from .report import evaluate, write_run
+from .summary import summarise
 from .survey_run import GridMap, SurveyRun
 from .trajectory import interpolate_poses, read_tum, write_tum
 
@@ -10,6 +11,7 @@ __all__ = [
     "evaluate",
     "interpolate_poses",
     "read_tum",
+    "summarise",
     "write_run",
     "write_tum",
 ]

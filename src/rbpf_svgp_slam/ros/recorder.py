@@ -5,7 +5,6 @@ It alone listens to the ground truth, which the filter must never see.
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from nav_msgs.msg import Odometry, Path as PathMessage
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import Trigger, TriggerResponse
 
-from rbpf_svgp_slam.evaluation import write_run
+from rbpf_svgp_slam.evaluation import summarise, write_run
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 from rbpf_svgp_slam.ros.parameters import GROUP
 from rbpf_svgp_slam.ros.replay import OfflineReplay, PlayedBag, ProgressLine
@@ -63,7 +62,7 @@ class Recorder:
         except (RuntimeError, ValueError, OSError, rospy.ServiceException) as error:
             rospy.logfatal("No report: %s", error)
             return 1
-        self._print_summary(report)
+        print(summarise(report, self.out_dir), flush=True)
         return 0
 
     def _source(self) -> PlayedBag | OfflineReplay | None:
@@ -143,12 +142,3 @@ class Recorder:
             pose.pose.orientation.w = 1.0
             path.poses.append(pose)
         self._path.publish(path)
-
-    def _print_summary(self, report: dict) -> None:
-        def metres(name: str) -> str:
-            value = report[name]
-            return "unknown" if value is None else f"{value:.2f} m"
-
-        print(f"DR error:   ATE {metres('dr_ate_rmse_m')}, final {metres('dr_final_error_m')}")
-        print(f"RBPF error: ATE {metres('ate_rmse_m')}, final {metres('final_error_m')}")
-        print(f"Report: {os.path.abspath(self.out_dir / 'report.html')}", flush=True)
