@@ -75,7 +75,7 @@ Beams select(const Beams& beams, const std::vector<Eigen::Index>& kept) {
 // Two witnesses must agree on an outlier: the running median is not misled by a cliff or by spikes
 // side by side, the median over pairs by no slope.
 Beams withoutOutliers(const Beams& beams, const PingFilterParams& params) {
-  if (params.outlier_window == 0 || beams.cols() < params.outlier_window) return beams;
+  if (params.outlier_window < 3 || beams.cols() < params.outlier_window) return beams;
   const std::vector<bool> far_from_running_median = farFromMedian(beams, depthsAround, params);
   const std::vector<bool> far_from_pairs = farFromMedian(beams, depthsByPairs, params);
   std::vector<Eigen::Index> kept;

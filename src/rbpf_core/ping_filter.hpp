@@ -8,7 +8,8 @@ namespace rbpf_core {
 struct PingFilterParams {
   double min_range_m = 0.5;
   double max_range_m = 500.0;
-  int outlier_window = 9;  // beams that one is measured from, itself included; odd; 0: no filter
+  int outlier_window =
+      9;  // beams that one is measured from, itself included; odd; below 3: no filter
   double outlier_threshold = 8.0;  // robust standard deviations
 };
 

@@ -52,8 +52,14 @@ std::vector<std::uint32_t> numberOffspring(const std::vector<std::uint32_t>& off
     ancestors[j] = j;
     --left[j];
   }
+  // Those with few further offspring first: where a node's free numbers run out, the rest of one
+  // large family crosses over, which costs one map, rather than one each of several.
+  std::vector<std::uint32_t> order(particles);
+  std::iota(order.begin(), order.end(), 0U);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return left[a] < left[b]; });
   for (const bool same_node_only : {true, false}) {
-    for (std::uint32_t j = 0; j < particles; ++j) {
+    for (const std::uint32_t j : order) {
       for (std::uint32_t slot = 0; slot < particles && left[j] > 0; ++slot) {
         if (ancestors[slot] != kFree) continue;
         if (same_node_only && node_of[slot] != node_of[j]) continue;
