@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rbpf_svgp_slam.maps.engine import MapEngine
+from rbpf_svgp_slam.polygon import survey_origin
 
 #: Name under `map/engine`, which is also the engine's parameter group: module and class.
 ENGINES = {"svgp": ("rbpf_svgp_slam.svgp.svgp_map", "SvgpMap")}
@@ -46,9 +47,7 @@ def make_factory(parameters: Any) -> MapFactory:
     engine = parameters.map.engine
     config = make_engine_class(engine).config_class.from_parameters(getattr(parameters, engine))
     vertices = np.asarray(parameters.survey_area, dtype=float)
-    # The survey origin is the centre of the bounding box (srv/GetMinibatches.srv).
-    origin = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    return MapFactory(engine, config, vertices - origin)
+    return MapFactory(engine, config, vertices - survey_origin(vertices))
 
 
 def load_map(engine: str, data: bytes) -> MapEngine:

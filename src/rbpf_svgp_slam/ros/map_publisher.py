@@ -11,10 +11,11 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from rbpf_svgp_slam.msg import FilterStatus
+from rbpf_svgp_slam.polygon import survey_origin
 from rbpf_svgp_slam.ros.clouds import point_cloud
 from rbpf_svgp_slam.ros.map_store import MapStore
 from rbpf_svgp_slam.ros.parameters import NodeParameters
-from rbpf_svgp_slam.ros.survey_grid import survey_grid, survey_origin
+from rbpf_svgp_slam.ros.survey_grid import survey_grid
 
 MAX_POINTS = 40000
 # Points predicted between two training steps: about as long as one of these.

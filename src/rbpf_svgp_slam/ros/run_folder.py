@@ -9,8 +9,9 @@ import numpy as np
 import rospy
 
 from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses, write_tum
+from rbpf_svgp_slam.polygon import inside, survey_origin
 from rbpf_svgp_slam.ros.survey_client import fetch_map, fetch_survey
-from rbpf_svgp_slam.ros.survey_grid import inside, survey_origin
+from rbpf_svgp_slam.ros.survey_grid import cell_centres, grid_points
 
 if TYPE_CHECKING:
     from rbpf_svgp_slam.ros.recorder import Recorder
@@ -70,13 +71,9 @@ def _save_trajectories(out_dir: Path, survey: Any) -> None:
 
 def _grid(area: list, resolution_m: float, predict: Any) -> GridMap:
     """Mean and variance over the survey area; NaN outside."""
-    vertices = np.asarray(area, dtype=float)
-    x, y = (
-        np.arange(vertices[:, i].min() + resolution_m / 2, vertices[:, i].max(), resolution_m)
-        for i in range(2)
-    )
-    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    within = inside(points, vertices)
+    x, y = cell_centres(area, resolution_m)
+    points = grid_points(x, y)
+    within = inside(points, np.asarray(area, dtype=float))
     mean, variance = np.full((2, len(points)), np.nan)
     mean[within], variance[within] = predict(points[within])
     return GridMap(x, y, mean.reshape(len(x), len(y)), variance.reshape(len(x), len(y)))

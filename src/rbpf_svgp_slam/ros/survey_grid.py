@@ -6,13 +6,8 @@ import math
 
 import numpy as np
 
+from rbpf_svgp_slam.polygon import inside
 from rbpf_svgp_slam.ros.parameters import Polygon
-
-
-def survey_origin(area: Polygon) -> np.ndarray:
-    """Centre [2] of the polygon's bounding box, frame map, m: the origin of x, y on the wire."""
-    vertices = np.asarray(area)
-    return (vertices.min(axis=0) + vertices.max(axis=0)) / 2
 
 
 def survey_grid(area: Polygon, resolution_m: float, max_points: int) -> np.ndarray:
@@ -30,20 +25,19 @@ def survey_grid(area: Polygon, resolution_m: float, max_points: int) -> np.ndarr
         resolution_m *= math.sqrt(len(points) / max_points) * 1.01
 
 
-def _grid(vertices: np.ndarray, resolution_m: float) -> np.ndarray:
+def cell_centres(area: Polygon, resolution_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """x [nx] and y [ny] of the cells that cover the polygon's bounding box, frame map, m."""
+    vertices = np.asarray(area, dtype=float)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     x, y = (np.arange(low[i] + resolution_m / 2, high[i], resolution_m) for i in range(2))
-    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    return x, y
+
+
+def grid_points(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Points [nx ny, 2] of the grid, y running fastest."""
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _grid(vertices: np.ndarray, resolution_m: float) -> np.ndarray:
+    points = grid_points(*cell_centres(vertices, resolution_m))
     return points[inside(points, vertices)]
-
-
-def inside(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Even-odd rule: [n] bool for points [n, 2] in the polygon of vertices [V, 2]."""
-    x, y = points.T
-    inside = np.zeros(len(points), dtype=bool)
-    for (x0, y0), (x1, y1) in zip(vertices, np.roll(vertices, -1, axis=0)):
-        if y0 == y1:
-            continue
-        crosses = (y0 > y) != (y1 > y)
-        inside ^= crosses & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
-    return inside

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rbpf_svgp_slam.polygon import inside
+
 #: Ratio of a grid's two pitches, at most; its choice of rows and columns is made within.
 LARGEST_PITCH_RATIO = 1.25
 #: Numbers of columns, and of rows for each, that are tried.
@@ -90,18 +92,7 @@ def _cell_centres(vertices: np.ndarray, columns: int, rows: int) -> np.ndarray:
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
     steps = np.stack([i.ravel(), j.ravel()], axis=1) + 0.5
     points = low + steps * extent / (columns, rows)
-    return points[_inside(points, vertices)]
-
-
-def _inside(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Even-odd rule: [n] bool for points [n, 2] and a polygon [V, 2]."""
-    x, y = points.T
-    inside = np.zeros(len(points), dtype=bool)
-    for (x0, y0), (x1, y1) in zip(vertices, np.roll(vertices, -1, axis=0)):
-        if y0 != y1:
-            crosses = (y0 > y) != (y1 > y)
-            inside ^= crosses & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
-    return inside
+    return points[inside(points, vertices)]
 
 
 def _without_excess(points: np.ndarray, vertices: np.ndarray, count: int) -> np.ndarray:
