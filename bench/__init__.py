@@ -1,0 +1,1 @@
+"""Benchmarks of the package; run by tools/bench.sh."""
