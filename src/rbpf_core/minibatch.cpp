@@ -18,4 +18,16 @@ void drawMinibatch(const MbesLog& log, std::size_t beams, const TrajectoryHistor
   }
 }
 
+void placeBlock(const MbesLog& log, std::size_t first, std::size_t size,
+                const TrajectoryHistories& histories, std::size_t particle, const Origin& origin,
+                PlacedBeam* out) {
+  const std::size_t end = first + size;
+  for (std::size_t i = first; i < end;) {
+    // a ping's beams follow one another: one look-up for all of them
+    const std::uint32_t ping = log[i].ping;
+    const HistoryPose& pose = histories.at(particle, ping);
+    for (; i < end && log[i].ping == ping; ++i) *out++ = place(log[i], pose, origin);
+  }
+}
+
 }  // namespace rbpf_core

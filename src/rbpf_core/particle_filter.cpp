@@ -206,6 +206,21 @@ std::size_t ParticleFilter::drawMinibatch(std::size_t particle, std::size_t size
   return released_beams_;
 }
 
+void ParticleFilter::placeBlock(std::size_t particle, std::size_t first, std::size_t size,
+                                PlacedBeam* out) const {
+  std::shared_lock lock(mutex_);
+  if (particle >= params_.particles) {
+    throw std::out_of_range("particle " + std::to_string(particle) + ", expected below " +
+                            std::to_string(params_.particles));
+  }
+  if (first > released_beams_ || size > released_beams_ - first) {
+    throw std::out_of_range(std::to_string(size) + " beams from " + std::to_string(first) +
+                            ", expected no more than the " + std::to_string(released_beams_) +
+                            " released");
+  }
+  rbpf_core::placeBlock(log_, first, size, histories_, particle, params_.origin, out);
+}
+
 Eigen::ArrayXd ParticleFilter::logWeights() const {
   std::shared_lock lock(mutex_);
   return log_weights_;

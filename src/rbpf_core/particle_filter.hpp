@@ -93,6 +93,10 @@ class ParticleFilter {
   // 0.
   std::size_t drawMinibatch(std::size_t particle, std::size_t size, PlacedBeam* out) const;
 
+  // See placeBlock. Throws std::out_of_range unless the particle exists and all beams up to first +
+  // size have been released.
+  void placeBlock(std::size_t particle, std::size_t first, std::size_t size, PlacedBeam* out) const;
+
   Estimate estimate() const;
   std::vector<Pose2> particles() const;
   Eigen::ArrayXd logWeights() const;  // [J], normalised
@@ -113,7 +117,7 @@ class ParticleFilter {
   std::size_t pings() const;
   std::size_t pingsWaiting() const;
   std::size_t beams() const;          // in the training log
-  std::size_t beamsReleased() const;  // of those, that minibatches are drawn from now
+  std::size_t beamsReleased() const;  // of those, the first ones, that maps are trained on now
   std::size_t beamsHeldOut() const;
   Counters counters() const;
 

@@ -176,6 +176,47 @@ TEST(DrawMinibatch, WritesAsManyBeamsAsAskedForAndNoneBeyond) {
   }
 }
 
+// ---- blocks ------------------------------------------------------------------------------------
+
+std::vector<PlacedBeam> block(const Survey& survey, std::size_t particle, std::size_t first,
+                              std::size_t size, const Origin& origin = {}) {
+  std::vector<PlacedBeam> beams(size);
+  placeBlock(survey.log, first, size, survey.histories, particle, origin, beams.data());
+  return beams;
+}
+
+TEST(PlaceBlock, PlacesEachBeamAtItsOwnPingsPoseOfThatParticle) {
+  const Survey survey(kUnevenPings, 6, {0.0, 0.0, 0.0});
+  const Origin origin{30.0, -40.0};
+  for (std::size_t j = 0; j < 6; ++j) {
+    const auto beams = block(survey, j, 0, survey.log.size(), origin);
+    for (std::size_t i = 0; i < beams.size(); ++i) {
+      const Eigen::Vector3d expected = survey.placed(j, i, origin);
+      // 1e-4 m: float32 up to 700 m from the origin
+      ASSERT_NEAR(beams[i].x_m, expected.x(), 1e-4);
+      ASSERT_NEAR(beams[i].y_m, expected.y(), 1e-4);
+      ASSERT_EQ(beams[i].z_m, expected.z());
+    }
+  }
+}
+
+// However it is cut: within pings, between them, beam by beam, into nothing.
+TEST(PlaceBlock, CutIntoPiecesGivesTheSameLog) {
+  const Survey survey(kUnevenPings, 2, {});
+  const auto whole = block(survey, 1, 0, survey.log.size());
+  for (const std::size_t size : {1U, 3U, 40U, 43U, 128U}) {
+    std::vector<PlacedBeam> pieces;
+    for (std::size_t first = 0; first < whole.size(); first += size) {
+      const auto piece = block(survey, 1, first, std::min(size, whole.size() - first));
+      pieces.insert(pieces.end(), piece.begin(), piece.end());
+    }
+    EXPECT_TRUE(equal(pieces, whole)) << size;
+  }
+  EXPECT_TRUE(block(survey, 1, whole.size(), 0).empty());
+}
+
+// ---- one beam ----------------------------------------------------------------------------------
+
 TEST(Place, TurnsLeftForPositiveYaw) {
   const LoggedBeam ahead{10.0F, 0.0F, -5.0F, 0};
   const PlacedBeam placed =

@@ -133,9 +133,72 @@ TEST(Minibatch, OfAParticleThatDoesNotExistIsRefused) {
   EXPECT_THROW(filter.drawMinibatch(3, 1, &beam), std::out_of_range);
 }
 
-// ---- whoever asks, whenever --------------------------------------------------------------------
+// ---- the log in its order ----------------------------------------------------------------------
 
 using Batch = std::vector<PlacedBeam>;
+
+Batch blockFrom(const ParticleFilter& filter, std::size_t particle, std::size_t first,
+                std::size_t size) {
+  Batch block(size);
+  filter.placeBlock(particle, first, size, block.data());
+  return block;
+}
+
+TEST(Block, HoldsTheLogInItsOrder) {
+  ParticleFilter filter(quietParams());
+  sailMarked(filter, 0, 50);
+  const Batch log = blockFrom(filter, 1, 0, 200);
+  for (std::size_t i = 0; i < log.size(); ++i) {
+    EXPECT_EQ(std::lround(log[i].x_m / 3.0), static_cast<long>(i / 4));
+    EXPECT_EQ(std::lround(log[i].y_m), static_cast<long>(i % 4));
+  }
+}
+
+TEST(Block, IsPlacedByTheHistoryThatTheParticleHasNow) {
+  ParticleFilter filter(noisyParams(3));
+  sail(filter, turning, 0, 30);
+  const std::size_t beams = filter.beamsReleased();
+  const Batch of_two = blockFrom(filter, 2, 0, beams);
+  EXPECT_FALSE(blockFrom(filter, 0, 0, beams) == of_two);
+  filter.resample({2, 1, 0});
+  sail(filter, turning, 30, 40);
+  EXPECT_TRUE(blockFrom(filter, 0, 0, beams) == of_two);
+}
+
+TEST(Block, LeavesOutWhatIsHeldOutAndRefusesWhatIsHeldBack) {
+  FilterParams params = quietParams();
+  params.hold_back_s = 30.0;
+  params.holdout = 0.5;  // every second ping, the first one not
+  ParticleFilter filter(params);
+  sailMarked(filter, 0, 100);
+  const std::size_t released = filter.beamsReleased();
+  EXPECT_EQ(released, 4U * 35);  // pings 0, 2 .. 68 of 0 .. 69
+  const Batch log = blockFrom(filter, 0, 0, released);
+  for (std::size_t i = 0; i < log.size(); ++i) {
+    EXPECT_EQ(std::lround(log[i].x_m / 3.0), static_cast<long>(i / 4 * 2));
+  }
+  EXPECT_TRUE(blockFrom(filter, 0, released, 0).empty());
+  EXPECT_THROW(blockFrom(filter, 0, released, 1), std::out_of_range);
+  EXPECT_THROW(blockFrom(filter, 0, released - 3, 4), std::out_of_range);
+  EXPECT_THROW(blockFrom(filter, 0, released + 1, 0), std::out_of_range);
+}
+
+TEST(Block, OfAParticleThatDoesNotExistIsRefused) {
+  ParticleFilter filter(quietParams(3));
+  sailMarked(filter, 0, 5);
+  EXPECT_THROW(blockFrom(filter, 3, 0, 1), std::out_of_range);
+}
+
+TEST(Block, DoesNotDisturbTheMinibatches) {
+  ParticleFilter asked(noisyParams());
+  ParticleFilter left_alone(noisyParams());
+  sail(asked, turning, 0, 30);
+  sail(left_alone, turning, 0, 30);
+  blockFrom(asked, 1, 0, 10);
+  EXPECT_TRUE(drawFrom(asked, 1, 100) == drawFrom(left_alone, 1, 100));
+}
+
+// ---- whoever asks, whenever --------------------------------------------------------------------
 
 bool operator<(const PlacedBeam& a, const PlacedBeam& b) {
   return std::tie(a.x_m, a.y_m, a.z_m) < std::tie(b.x_m, b.y_m, b.z_m);
@@ -255,6 +318,8 @@ TEST(ParticleFilterThreads, DrawAndReadWhileTheSurveyGrowsAndIsResampled) {
           // on a circle of 20 m radius, with noise; a beam from elsewhere is a torn read
           if (!(std::hypot(beam.x_m, beam.y_m) < 500.0F) || beam.z_m != -30.0F) sound = false;
         }
+        const std::size_t last = filter.beamsReleased() - 1;
+        if (blockFrom(filter, call % kParticles, last, 1).front().z_m != -30.0F) sound = false;
       }
     });
   }

@@ -1,0 +1,101 @@
+#include "rbpf_node/beam_requests.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "rbpf_node/conversions.hpp"
+
+namespace rbpf_node {
+
+namespace {
+
+using rbpf_svgp_slam::GetBeams;
+using rbpf_svgp_slam::GetMinibatches;
+
+constexpr std::uint32_t kLargestMinibatch = 1000000;
+constexpr std::uint64_t kLargestReply = 10000000;  // beams: 120 MB
+constexpr const char* kNoBeams = "no beams in the log yet";
+
+// Each of these returns what is wrong; an empty string if nothing is.
+
+std::string problemWithParticles(const std::vector<std::uint32_t>& requested,
+                                 std::size_t particles) {
+  for (const std::uint32_t particle : requested) {
+    if (particle < particles) continue;
+    return "particle " + std::to_string(particle) + ", expected below " + std::to_string(particles);
+  }
+  return "";
+}
+
+std::string problemWith(const GetMinibatches::Request& request, std::size_t particles) {
+  if (request.size == 0 || request.size > kLargestMinibatch) {
+    return "minibatch of " + std::to_string(request.size) + " beams, expected 1 to " +
+           std::to_string(kLargestMinibatch);
+  }
+  return problemWithParticles(request.particles, particles);
+}
+
+std::string problemWith(const GetBeams::Request& request, std::size_t particles,
+                        std::size_t beams_in_log) {
+  if (request.first.size() != request.particles.size()) {
+    return "first has " + std::to_string(request.first.size()) + " entries, expected " +
+           std::to_string(request.particles.size()) + ", one for each particle";
+  }
+  if (request.size == 0) return "size is 0, expected at least 1 beam";
+  if (request.size * std::uint64_t{request.particles.size()} > kLargestReply) {
+    return "size is " + std::to_string(request.size) + " for each of " +
+           std::to_string(request.particles.size()) + " particles, expected at most " +
+           std::to_string(kLargestReply) + " beams in all";
+  }
+  for (std::size_t p = 0; p < request.first.size(); ++p) {
+    if (request.first[p] <= beams_in_log) continue;
+    return "first of particle " + std::to_string(request.particles[p]) + " is " +
+           std::to_string(request.first[p]) + ", expected at most " + std::to_string(beams_in_log) +
+           ", the beams in the log";
+  }
+  return problemWithParticles(request.particles, particles);
+}
+
+}  // namespace
+
+void answer(const rbpf_core::ParticleFilter& filter, const GetMinibatches::Request& request,
+            GetMinibatches::Response* response) {
+  response->message = problemWith(request, filter.particleCount());
+  if (!response->message.empty()) return;
+  std::vector<rbpf_core::PlacedBeam> beams(request.particles.size() * request.size);
+  for (std::size_t p = 0; p < request.particles.size(); ++p) {
+    response->beams_in_log =
+        filter.drawMinibatch(request.particles[p], request.size, beams.data() + p * request.size);
+    if (response->beams_in_log == 0) {
+      response->message = kNoBeams;
+      return;
+    }
+  }
+  appendBytes(beams.data(), beams.size(), &response->beams);
+}
+
+void answer(const rbpf_core::ParticleFilter& filter, const GetBeams::Request& request,
+            GetBeams::Response* response) {
+  // N is read once, so that it is the same for all particles: beams are never taken back.
+  const std::size_t beams_in_log = filter.beamsReleased();
+  response->beams_in_log = beams_in_log;
+  response->message = problemWith(request, filter.particleCount(), beams_in_log);
+  if (response->message.empty() && beams_in_log == 0) response->message = kNoBeams;
+  if (!response->message.empty()) return;
+  for (const std::uint64_t first : request.first) {
+    response->counts.push_back(
+        static_cast<std::uint32_t>(std::min<std::uint64_t>(request.size, beams_in_log - first)));
+  }
+  std::vector<rbpf_core::PlacedBeam> beams(
+      std::accumulate(response->counts.begin(), response->counts.end(), std::size_t{0}));
+  rbpf_core::PlacedBeam* next = beams.data();
+  for (std::size_t p = 0; p < request.particles.size(); ++p) {
+    filter.placeBlock(request.particles[p], request.first[p], response->counts[p], next);
+    next += response->counts[p];
+  }
+  appendBytes(beams.data(), beams.size(), &response->beams);
+}
+
+}  // namespace rbpf_node

@@ -1,0 +1,176 @@
+// The map nodes' requests for beams, answered by a filter of a short survey.
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <cstring>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "../core/survey.hpp"
+#include "rbpf_node/beam_requests.hpp"
+
+namespace rbpf_node {
+namespace {
+
+using rbpf_core::ParticleFilter;
+using rbpf_core::PlacedBeam;
+using rbpf_svgp_slam::GetBeams;
+using rbpf_svgp_slam::GetMinibatches;
+using Beams = std::vector<PlacedBeam>;
+using Counts = std::vector<std::uint32_t>;
+
+constexpr std::size_t kParticles = 4;
+
+GetBeams::Response beamsOf(const ParticleFilter& filter,
+                           const std::vector<std::uint32_t>& particles,
+                           const std::vector<std::uint64_t>& first, std::uint32_t size) {
+  GetBeams::Request request;
+  request.particles = particles;
+  request.first = first;
+  request.size = size;
+  GetBeams::Response response;
+  answer(filter, request, &response);
+  return response;
+}
+
+GetMinibatches::Response minibatchesOf(const ParticleFilter& filter,
+                                       const std::vector<std::uint32_t>& particles,
+                                       std::uint32_t size) {
+  GetMinibatches::Request request;
+  request.particles = particles;
+  request.size = size;
+  GetMinibatches::Response response;
+  answer(filter, request, &response);
+  return response;
+}
+
+// 30 s, each particle on a track of its own.
+class BeamRequests : public testing::Test {
+ protected:
+  BeamRequests() { rbpf_core::sail(filter_, rbpf_core::turning, 0, 30); }
+
+  GetBeams::Response beams(const std::vector<std::uint32_t>& particles,
+                           const std::vector<std::uint64_t>& first, std::uint32_t size) const {
+    return beamsOf(filter_, particles, first, size);
+  }
+
+  Beams logOf(std::size_t particle) const {
+    Beams log(filter_.beamsReleased());
+    filter_.placeBlock(particle, 0, log.size(), log.data());
+    return log;
+  }
+
+  ParticleFilter filter_{rbpf_core::noisyParams(kParticles)};
+};
+
+Beams decoded(const std::vector<std::uint8_t>& bytes) {
+  Beams beams(bytes.size() / sizeof(PlacedBeam));
+  EXPECT_EQ(bytes.size(), beams.size() * sizeof(PlacedBeam));
+  std::memcpy(beams.data(), bytes.data(), bytes.size());
+  return beams;
+}
+
+Beams slice(const Beams& beams, std::size_t first, std::size_t size) {
+  const auto begin = beams.begin() + static_cast<std::ptrdiff_t>(first);
+  return {begin, begin + static_cast<std::ptrdiff_t>(size)};
+}
+
+// ---- get_beams ---------------------------------------------------------------------------------
+
+TEST_F(BeamRequests, BlocksFollowOneAnotherInTheOrderOfTheParticles) {
+  const std::size_t n = filter_.beamsReleased();
+  const auto response = beams({2, 0, 3}, {5, n - 4, n}, 10);
+  EXPECT_EQ(response.message, "");
+  EXPECT_EQ(response.beams_in_log, n);
+  EXPECT_EQ(response.counts, (Counts{10, 4, 0}));
+  const Beams sent = decoded(response.beams);
+  ASSERT_EQ(sent.size(), 14U);
+  EXPECT_TRUE(slice(sent, 0, 10) == slice(logOf(2), 5, 10));
+  EXPECT_TRUE(slice(sent, 10, 4) == slice(logOf(0), n - 4, 4));
+}
+
+TEST_F(BeamRequests, AMapThatGoesOnWhereItStoppedTakesEveryBeamInOnceWhileTheLogGrows) {
+  Beams taken;
+  for (int t = 30; t < 45; ++t) {
+    rbpf_core::sail(filter_, rbpf_core::turning, t, t + 1);
+    const Beams sent = decoded(beams({1}, {taken.size()}, 37).beams);
+    taken.insert(taken.end(), sent.begin(), sent.end());
+  }
+  while (taken.size() < filter_.beamsReleased()) {
+    const Beams sent = decoded(beams({1}, {taken.size()}, 37).beams);
+    ASSERT_FALSE(sent.empty());
+    taken.insert(taken.end(), sent.begin(), sent.end());
+  }
+  EXPECT_TRUE(taken == logOf(1));
+}
+
+TEST_F(BeamRequests, MapsThatHaveTakenInEverythingAreSentNothing) {
+  const std::size_t n = filter_.beamsReleased();
+  const auto response = beams({0, 1}, {n, n}, 100);
+  EXPECT_EQ(response.message, "");
+  EXPECT_EQ(response.counts, (Counts{0, 0}));
+  EXPECT_TRUE(response.beams.empty());
+}
+
+TEST_F(BeamRequests, TheWholeLogMayBeAskedForAtOnce) {
+  const auto response = beams({0, 1, 2, 3}, {0, 0, 0, 0}, 2500000);
+  EXPECT_EQ(response.message, "");
+  EXPECT_EQ(decoded(response.beams).size(), kParticles * filter_.beamsReleased());
+}
+
+TEST_F(BeamRequests, AreRefusedWithTheNameTheValueAndWhatWasExpected) {
+  const std::size_t n = filter_.beamsReleased();
+  const std::string log = std::to_string(n);
+  const std::string beyond = std::to_string(n + 1);
+  const std::map<std::string, GetBeams::Response> refused = {
+      {"first has 2 entries, expected 3, one for each particle", beams({0, 1, 2}, {0, 0}, 10)},
+      {"first has 1 entries, expected 0, one for each particle", beams({}, {0}, 10)},
+      {"size is 0, expected at least 1 beam", beams({0}, {0}, 0)},
+      {"size is 5000001 for each of 2 particles, expected at most 10000000 beams in all",
+       beams({0, 1}, {0, 0}, 5000001)},
+      {"size is 4294967295 for each of 1 particles, expected at most 10000000 beams in all",
+       beams({0}, {0}, 4294967295)},
+      {"first of particle 3 is " + beyond + ", expected at most " + log + ", the beams in the log",
+       beams({0, 3}, {n, n + 1}, 10)},
+      {"first of particle 0 is 18446744073709551615, expected at most " + log +
+           ", the beams in the log",
+       beams({0}, {18446744073709551615U}, 10)},
+      {"particle 4, expected below 4", beams({0, 4}, {0, 0}, 10)},
+  };
+  for (const auto& [message, response] : refused) {
+    EXPECT_EQ(response.message, message);
+    EXPECT_TRUE(response.counts.empty());
+    EXPECT_TRUE(response.beams.empty());
+  }
+}
+
+TEST(BeamRequestsOfAnEmptyLog, AreRefusedAlike) {
+  const ParticleFilter filter(rbpf_core::noisyParams(kParticles));
+  EXPECT_EQ(beamsOf(filter, {0}, {0}, 10).message, "no beams in the log yet");
+  EXPECT_EQ(minibatchesOf(filter, {0}, 10).message, "no beams in the log yet");
+}
+
+// ---- get_minibatches ---------------------------------------------------------------------------
+
+TEST_F(BeamRequests, MinibatchesFollowOneAnotherInTheOrderOfTheParticles) {
+  const auto response = minibatchesOf(filter_, {3, 1}, 50);
+  EXPECT_EQ(response.message, "");
+  EXPECT_EQ(response.beams_in_log, filter_.beamsReleased());
+  ParticleFilter same(rbpf_core::noisyParams(kParticles));
+  rbpf_core::sail(same, rbpf_core::turning, 0, 30);
+  const Beams sent = decoded(response.beams);
+  ASSERT_EQ(sent.size(), 100U);
+  EXPECT_TRUE(slice(sent, 0, 50) == rbpf_core::drawFrom(same, 3, 50));
+  EXPECT_TRUE(slice(sent, 50, 50) == rbpf_core::drawFrom(same, 1, 50));
+}
+
+TEST_F(BeamRequests, MinibatchesAreRefusedWithTheValueAndWhatWasExpected) {
+  EXPECT_EQ(minibatchesOf(filter_, {0}, 0).message, "minibatch of 0 beams, expected 1 to 1000000");
+  EXPECT_EQ(minibatchesOf(filter_, {0}, 1000001).message,
+            "minibatch of 1000001 beams, expected 1 to 1000000");
+  EXPECT_EQ(minibatchesOf(filter_, {0, 4}, 10).message, "particle 4, expected below 4");
+}
+
+}  // namespace
+}  // namespace rbpf_node
