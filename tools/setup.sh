@@ -1,14 +1,18 @@
 #!/usr/bin/env bash
 # Installs what is missing of tools/packages.txt and builds the package, Release, into build/.
-# Idempotent: a second run takes seconds. With --test also what only the tests need from PyPI.
-# Other arguments go to cmake, e.g. -DRBPF_NATIVE=ON.
+# Idempotent: a second run takes seconds. With --test or --bench also what only the tests or the
+# benchmarks need from PyPI. Other arguments go to cmake, e.g. -DRBPF_NATIVE=ON.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH=/usr/bin:/bin:$PATH
 
 test=false
-if [ "${1:-}" = --test ]; then
-  test=true
+bench=false
+case ${1:-} in
+  --test) test=true ;;
+  --bench) bench=true ;;
+esac
+if $test || $bench; then
   shift
 fi
 
@@ -35,8 +39,21 @@ fi
 echo "Building (a few minutes the first time, seconds after that) ..."
 cmake --build build --parallel "$(nproc)" >build/build.log 2>&1 || { cat build/build.log; exit 1; }
 
-if $test && ! cmp -s tools/requirements-test.txt build/venv/requirements.txt; then
-  python3 -m venv --clear build/venv
-  build/venv/bin/pip install --quiet --disable-pip-version-check -r tools/requirements-test.txt
-  cp tools/requirements-test.txt build/venv/requirements.txt
+# A virtual environment with what a file of requirements asks for, made anew when that changes.
+#   environment FOLDER REQUIREMENTS [OPTION OF venv ...]
+environment() {
+  local folder=$1 requirements=$2
+  shift 2
+  cmp -s "$requirements" "$folder/requirements.txt" && return
+  echo "Installing $requirements into $folder ..."
+  python3 -m venv --clear "$@" "$folder"
+  "$folder/bin/pip" install --quiet --disable-pip-version-check -r "$requirements"
+  cp "$requirements" "$folder/requirements.txt"
+}
+if $test; then
+  environment build/venv tools/requirements-test.txt
+fi
+if $bench; then
+  environment build/bench/newest tools/requirements-bench-newest.txt
+  environment build/bench/same_torch tools/requirements-bench-same-torch.txt --system-site-packages
 fi

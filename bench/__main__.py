@@ -1,0 +1,73 @@
+"""The command line of the benchmarks; started by tools/bench.sh."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from bench import machine
+from bench.paths import ROOT
+
+#: Modules with run(out: Path) -> dict by the section's name. What they return goes into bench.json
+#: under the name's first part.
+SECTIONS = {
+    "svgp.step": "bench.svgp.step",
+}
+
+
+def main() -> None:
+    """Run the sections asked for and write bench.json and figures."""
+    arguments = _parse()
+    out = arguments.out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "bench.json"
+    # sections that are not run keep their earlier numbers
+    results = json.loads(file.read_text()) if file.exists() else {}
+    results["machine"] = machine.describe()
+    for name in arguments.only:
+        print(f"== {name}", flush=True)
+        started_s = time.monotonic()
+        figures = importlib.import_module(SECTIONS[name]).run(out)
+        group = results.setdefault(name.partition(".")[0], {})
+        group.update(figures)
+        group.setdefault("wall_s", {})[name] = round(time.monotonic() - started_s, 1)
+        file.write_text(json.dumps(results, indent=2) + "\n")
+    _print_table(results)
+    print(file)
+
+
+def _parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="tools/bench.sh", description=__doc__)
+    parser.add_argument("out", nargs="?", type=Path, default=ROOT / "out" / "bench")
+    parser.add_argument(
+        "--only", nargs="+", choices=SECTIONS, default=list(SECTIONS), metavar="SECTION"
+    )
+    return parser.parse_args()
+
+
+def _print_table(results: dict[str, Any]) -> None:
+    """Every number, under its full name."""
+    rows = list(_numbers(results))
+    width = max((len(name) for name, _ in rows), default=0)
+    for name, value in rows:
+        print(
+            f"{name:{width}s}  {value:.4g}"
+            if isinstance(value, float)
+            else f"{name:{width}s}  {value}"
+        )
+
+
+def _numbers(tree: dict[str, Any], prefix: str = ""):
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            yield from _numbers(value, f"{prefix}{name}.")
+        elif not isinstance(value, list):
+            yield prefix + name, value
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""A process that owns one map and trains it on request, timing its training steps and no more.
+
+Started by `contestants`, with the python and the libraries of the map it is to run.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from typing import Any
+
+import numpy as np
+import torch
+
+from bench.svgp import channel
+
+
+def main() -> None:
+    """Answer requests on stdin until it is closed."""
+    # nothing but messages may reach the driver
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    torch.set_num_threads(1)
+    worker = None
+    while (request := channel.receive(sys.stdin.buffer)) is not None:
+        command = request.pop("command").item()
+        if command == "create":
+            worker = Worker(request)
+        reply = getattr(worker, command)(**request) if command != "create" else worker.versions()
+        channel.send(answers, reply)
+
+
+class Worker:
+    """A map and the log that its minibatches are drawn from."""
+
+    def __init__(self, request: dict[str, np.ndarray]) -> None:
+        """request: see `contestants.Survey.request`."""
+        self._beams = request["beams"].astype(np.float32)  # [N, 3] x, y, z in order of arrival, m
+        self._arrival_s = request["arrival_s"]  # [N]
+        self._M = request["minibatch_size"].item()
+        # every contestant draws the same minibatches
+        self._rng = np.random.default_rng(request["seed"].item())
+        self._map = _make_map(request)
+
+    def versions(self) -> dict[str, str]:
+        """Of the libraries that do the work."""
+        gpytorch = sys.modules.get("gpytorch")
+        return {"torch": torch.__version__, "gpytorch": gpytorch.__version__ if gpytorch else ""}
+
+    def train(self, steps: np.ndarray) -> dict[str, np.ndarray]:
+        """Wall time of each of so many steps on the whole log, s."""
+        return {"step_s": np.array([self._step(len(self._beams)) for _ in range(steps)])}
+
+    def train_until(
+        self, clock_s: np.ndarray, end_s: np.ndarray, training_share: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Train while the survey goes on, from clock_s to end_s: steps and the clock after them.
+
+        Each second of survey has room for training_share seconds of training.
+        """
+        clock_s, steps = clock_s.item(), 0
+        while clock_s < end_s:
+            arrived = int(np.searchsorted(self._arrival_s, clock_s, side="right"))
+            clock_s += self._step(max(arrived, self._M)) / training_share.item()
+            steps += 1
+        return {"clock_s": np.array(clock_s), "steps": np.array(steps)}
+
+    def look(self, xy: np.ndarray) -> dict[str, Any]:
+        """Latent mean [n], m, and variance [n], m², at [n, 2]; m [S], R [S, S] and σ², m²."""
+        mean, variance = self._map.predict(xy)
+        m, R = _variational_parameters(self._map)
+        noise = self._map.noise_variance_m2
+        return {"mean": mean, "variance": variance, "m": m, "R": R, "noise_variance_m2": noise}
+
+    def _step(self, arrived: int) -> float:
+        """Wall time of one step on the first `arrived` beams; drawing them does not count."""
+        beams = self._beams[self._rng.integers(0, arrived, self._M)]
+        started_s = time.perf_counter()
+        self._map.train_step(beams, arrived)
+        return time.perf_counter() - started_s
+
+
+def _make_map(request: dict[str, np.ndarray]) -> Any:
+    engine = request["engine"].item()
+    names = ("lengthscale_m", "outputscale_m2", "noise_std_m")
+    initial = {name: request[name].item() for name in names}
+    if engine == "gpytorch":
+        from bench.svgp.gpytorch_map import GpytorchMap
+
+        return GpytorchMap(request["Z"], learning_rate=request["learning_rate"].item(), **initial)
+    from rbpf_svgp_slam.svgp.config import SvgpConfig
+    from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
+
+    config = SvgpConfig(
+        optimizer=engine,
+        inducing_points=len(request["Z"]),
+        minibatch_size=request["minibatch_size"].item(),
+        **initial,
+    )
+    return SvgpMap(config, request["survey_area"])
+
+
+def _variational_parameters(engine: Any) -> tuple[np.ndarray, np.ndarray]:
+    """m [S] and R [S, S] of the whitened q(v) = N(m, R Rᵀ)."""
+    if hasattr(engine, "variational_parameters"):
+        return engine.variational_parameters()
+    # ours has no reason to show them to anybody else
+    theta = engine._theta
+    return theta.m.numpy().astype(float), theta.R.numpy().astype(float)
+
+
+if __name__ == "__main__":
+    main()
