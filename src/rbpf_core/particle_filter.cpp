@@ -200,8 +200,9 @@ std::size_t ParticleFilter::drawMinibatch(std::size_t particle, std::size_t size
   std::shared_lock lock(mutex_);
   if (released_beams_ == 0) return 0;
   const std::uint64_t call = minibatch_calls_.at(particle).fetch_add(1);
+  const std::size_t stream_of = params_.common_random_numbers ? 0 : particle;
   rbpf_core::drawMinibatch(log_, released_beams_, histories_, particle, params_.origin,
-                           makeStream(params_.seed, StreamPurpose::kMinibatch, particle, call),
+                           makeStream(params_.seed, StreamPurpose::kMinibatch, stream_of, call),
                            size, out);
   return released_beams_;
 }

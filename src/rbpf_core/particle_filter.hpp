@@ -30,7 +30,8 @@ struct FilterParams {
   double hold_back_s =
       30.0;               // pings younger than this are not drawn into minibatches; 0: the paper's
   double holdout = 0.02;  // share of pings never drawn
-  Origin origin;          // of minibatch coordinates
+  bool common_random_numbers = false;  // the k-th minibatches of all particles: the same beams
+  Origin origin;                       // of minibatch coordinates
 };
 
 // What is known of a ping, apart from the particles' poses and its beams.
@@ -153,7 +154,8 @@ class ParticleFilter {
   bool finished_ = false;
   Eigen::ArrayXd log_weights_;
   Counters counters_;
-  // one counter a particle: a minibatch's stream is a function of seed, particle and call number
+  // one counter a particle: a minibatch's stream is a function of seed, call number and, unless
+  // random numbers are common, particle
   mutable std::vector<std::atomic<std::uint64_t>> minibatch_calls_;
 };
 

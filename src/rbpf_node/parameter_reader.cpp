@@ -77,6 +77,12 @@ std::int64_t ParameterReader::integer(const std::string& name, std::int64_t min,
   return number;
 }
 
+bool ParameterReader::boolean(const std::string& name) {
+  XmlRpcValue& value = find(name);
+  if (value.getType() != XmlRpcValue::TypeBoolean) fail(name, written(value), "true or false");
+  return static_cast<bool&>(value);
+}
+
 std::string ParameterReader::text(const std::string& name) {
   XmlRpcValue& value = find(name);
   if (value.getType() != XmlRpcValue::TypeString || static_cast<std::string&>(value).empty()) {

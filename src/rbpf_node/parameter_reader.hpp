@@ -19,6 +19,7 @@ class ParameterReader {
   // Each throws std::invalid_argument: name, value, what was expected.
   double number(const std::string& name, double min, double max);
   std::int64_t integer(const std::string& name, std::int64_t min, std::int64_t max);
+  bool boolean(const std::string& name);
   std::string text(const std::string& name);
   std::string choice(const std::string& name, const std::set<std::string>& choices);
   std::vector<double> numbers(const std::string& name);

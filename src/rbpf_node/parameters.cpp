@@ -59,6 +59,7 @@ rbpf_core::FilterParams filter(ParameterReader& reader) {
   params.pings = pingFilter(reader);
   params.ping_queue = static_cast<std::size_t>(reader.integer("pings/queue", 1, 1000000));
   params.hold_back_s = reader.number("mapping/hold_back_s", 0.0, kUnlimited);
+  params.common_random_numbers = reader.boolean("mapping/common_random_numbers");
   params.holdout = reader.number("evaluation/holdout", 0.0, 0.5);
   params.origin = surveyOrigin(reader);
   return params;

@@ -82,4 +82,11 @@ inline std::vector<PlacedBeam> drawFrom(const ParticleFilter& filter, std::size_
   return batch;
 }
 
+inline std::vector<PlacedBeam> blockFrom(const ParticleFilter& filter, std::size_t particle,
+                                         std::size_t first, std::size_t size) {
+  std::vector<PlacedBeam> block(size);
+  filter.placeBlock(particle, first, size, block.data());
+  return block;
+}
+
 }  // namespace rbpf_core

@@ -135,19 +135,10 @@ TEST(Minibatch, OfAParticleThatDoesNotExistIsRefused) {
 
 // ---- the log in its order ----------------------------------------------------------------------
 
-using Batch = std::vector<PlacedBeam>;
-
-Batch blockFrom(const ParticleFilter& filter, std::size_t particle, std::size_t first,
-                std::size_t size) {
-  Batch block(size);
-  filter.placeBlock(particle, first, size, block.data());
-  return block;
-}
-
 TEST(Block, HoldsTheLogInItsOrder) {
   ParticleFilter filter(quietParams());
   sailMarked(filter, 0, 50);
-  const Batch log = blockFrom(filter, 1, 0, 200);
+  const std::vector<PlacedBeam> log = blockFrom(filter, 1, 0, 200);
   for (std::size_t i = 0; i < log.size(); ++i) {
     EXPECT_EQ(std::lround(log[i].x_m / 3.0), static_cast<long>(i / 4));
     EXPECT_EQ(std::lround(log[i].y_m), static_cast<long>(i % 4));
@@ -158,7 +149,7 @@ TEST(Block, IsPlacedByTheHistoryThatTheParticleHasNow) {
   ParticleFilter filter(noisyParams(3));
   sail(filter, turning, 0, 30);
   const std::size_t beams = filter.beamsReleased();
-  const Batch of_two = blockFrom(filter, 2, 0, beams);
+  const std::vector<PlacedBeam> of_two = blockFrom(filter, 2, 0, beams);
   EXPECT_FALSE(blockFrom(filter, 0, 0, beams) == of_two);
   filter.resample({2, 1, 0});
   sail(filter, turning, 30, 40);
@@ -173,7 +164,7 @@ TEST(Block, LeavesOutWhatIsHeldOutAndRefusesWhatIsHeldBack) {
   sailMarked(filter, 0, 100);
   const std::size_t released = filter.beamsReleased();
   EXPECT_EQ(released, 4U * 35);  // pings 0, 2 .. 68 of 0 .. 69
-  const Batch log = blockFrom(filter, 0, 0, released);
+  const std::vector<PlacedBeam> log = blockFrom(filter, 0, 0, released);
   for (std::size_t i = 0; i < log.size(); ++i) {
     EXPECT_EQ(std::lround(log[i].x_m / 3.0), static_cast<long>(i / 4 * 2));
   }
@@ -199,6 +190,8 @@ TEST(Block, DoesNotDisturbTheMinibatches) {
 }
 
 // ---- whoever asks, whenever --------------------------------------------------------------------
+
+using Batch = std::vector<PlacedBeam>;
 
 bool operator<(const PlacedBeam& a, const PlacedBeam& b) {
   return std::tie(a.x_m, a.y_m, a.z_m) < std::tie(b.x_m, b.y_m, b.z_m);

@@ -56,9 +56,7 @@ class BeamRequests : public testing::Test {
   }
 
   Beams logOf(std::size_t particle) const {
-    Beams log(filter_.beamsReleased());
-    filter_.placeBlock(particle, 0, log.size(), log.data());
-    return log;
+    return rbpf_core::blockFrom(filter_, particle, 0, filter_.beamsReleased());
   }
 
   ParticleFilter filter_{rbpf_core::noisyParams(kParticles)};

@@ -26,6 +26,7 @@ XmlRpcValue tree() {
   XmlRpcValue tree;
   tree["particles"] = 40;
   tree["engine"] = std::string("svgp");
+  tree["common"] = true;
   tree["lc"]["rate_hz"] = 0.2;
   tree["lc"]["beams"] = 30;
   tree["start"] = listOf({1, -2.5, 0.25});
@@ -54,6 +55,7 @@ TEST(ParameterReader, ReadsEveryKind) {
   EXPECT_EQ(reader.integer("particles", 1, 100), 40);
   EXPECT_EQ(reader.text("engine"), "svgp");
   EXPECT_EQ(reader.choice("engine", {"svgp", "grid"}), "svgp");
+  EXPECT_TRUE(reader.boolean("common"));
   EXPECT_EQ(reader.number("lc/rate_hz", 0.0, 10.0), 0.2);
   EXPECT_EQ(reader.numbers("start"), (std::vector<double>{1.0, -2.5, 0.25}));
   EXPECT_TRUE(reader.numbers("nothing").empty());
@@ -138,6 +140,13 @@ TEST(ParameterReader, NamesATextThatIsNoneOrEmpty) {
               "a text that is not empty");
 }
 
+// A number is not taken for a truth value, nor a text for what it spells.
+TEST(ParameterReader, NamesATruthValueThatIsNone) {
+  ParameterReader reader(treeWith("spelt", XmlRpcValue(std::string("true"))));
+  expectError(errorOf([&] { reader.boolean("spelt"); }), "spelt", "true", "true or false");
+  expectError(errorOf([&] { reader.boolean("particles"); }), "particles", "40", "true or false");
+}
+
 TEST(ParameterReader, NamesAChoiceAndTheChoicesThereAre) {
   ParameterReader reader(tree());
   expectError(errorOf([&] {
@@ -175,6 +184,7 @@ TEST(ParameterReader, NamesAPolygonThatIsNone) {
 void readEverything(ParameterReader& reader) {
   reader.integer("particles", 1, 100);
   reader.text("engine");
+  reader.boolean("common");
   reader.number("lc/rate_hz", 0.0, 10.0);
   reader.number("lc/beams", 0.0, 100.0);
   reader.numbers("start");
