@@ -317,6 +317,12 @@ std::optional<PlacedPing> ParticleFilter::latestPing() const {
   return ping;
 }
 
+std::optional<double> ParticleFilter::latestPingStamp() const {
+  std::shared_lock lock(mutex_);
+  if (records_.empty()) return std::nullopt;
+  return records_.back().stamp_s;
+}
+
 std::vector<SurveyPing> ParticleFilter::survey(std::size_t first, std::size_t count,
                                                std::size_t stride) const {
   std::shared_lock lock(mutex_);

@@ -107,6 +107,7 @@ class ParticleFilter {
   void resample(const std::vector<std::uint32_t>& ancestors);
 
   std::optional<PlacedPing> latestPing() const;
+  std::optional<double> latestPingStamp() const;  // s; copies no poses
   std::vector<SurveyPing> survey(std::size_t first, std::size_t count,
                                  std::size_t stride = 1) const;
 

@@ -55,8 +55,9 @@ bool LoopClosureLoop::due(double stamp_s) const {
 }
 
 void LoopClosureLoop::promptIfDue() {
-  const auto ping = filter_.latestPing();
-  if (!ping || !due(ping->stamp_s)) return;
+  const auto stamp_s = filter_.latestPingStamp();
+  if (!stamp_s || !due(*stamp_s)) return;
+  const auto ping = filter_.latestPing();  // all particles' poses: not to be copied at every look
   last_prompt_s_ = ping->stamp_s;
   const MapsState maps = maps_.state(epoch_);
   if (maps.nodes_heard < params_.nodes) {

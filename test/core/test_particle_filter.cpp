@@ -20,6 +20,7 @@ TEST(ParticleFilter, KnowsNothingBeforeTheFirstOdometry) {
   const ParticleFilter filter(quietParams());
   EXPECT_TRUE(filter.particles().empty());
   EXPECT_FALSE(filter.latestPing().has_value());
+  EXPECT_FALSE(filter.latestPingStamp().has_value());
   EXPECT_TRUE(filter.survey(0, 10).empty());
   EXPECT_EQ(filter.pings(), 0U);
   PlacedBeam untouched{1.0F, 2.0F, 3.0F};

@@ -113,6 +113,20 @@ TEST(PingInTime, WaitsInTheOrderOfTheStamps) {
   EXPECT_EQ(survey[2].record.stamp_s, 0.7);
 }
 
+TEST(LatestPing, IsTheLastOneTakenInAndItsStampIsToBeHadAlone) {
+  ParticleFilter filter(quietParams());
+  addOdometry(filter, {0.0, 1.0});
+  filter.addPing(pingAt(1.5));  // waits
+  EXPECT_FALSE(filter.latestPingStamp().has_value());
+  filter.addPing(pingAt(0.75));
+  EXPECT_EQ(filter.latestPingStamp(), 0.75);
+  addOdometry(filter, {2.0});
+  EXPECT_EQ(filter.latestPingStamp(), 1.5);
+  filter.addPing(pingAt(1.25));  // late
+  EXPECT_EQ(filter.latestPingStamp(), 1.25);
+  EXPECT_EQ(filter.latestPing()->stamp_s, 1.25);
+}
+
 // ---- late, early, too many ---------------------------------------------------------------------
 
 TEST(LatePing, OfTheLastTenSecondsIsPlacedRight) {
