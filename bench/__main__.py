@@ -16,6 +16,7 @@ from bench.paths import ROOT
 #: under the name's first part.
 SECTIONS = {
     "svgp.step": "bench.svgp.step",
+    "svgp.two_nodes": "bench.svgp.two_nodes",
 }
 
 
