@@ -16,6 +16,8 @@ from bench.paths import ROOT
 #: under the name's first part.
 SECTIONS = {
     "svgp.step": "bench.svgp.step",
+    "svgp.time_to_rmse": "bench.svgp.time_to_rmse",
+    "svgp.online": "bench.svgp.online",
     "svgp.two_nodes": "bench.svgp.two_nodes",
 }
 

@@ -32,6 +32,10 @@ class Beams:
     xyz_m: np.ndarray
     arrival_s: np.ndarray
 
+    def until(self, time_s: float) -> np.ndarray:
+        """Those [n, 3] that have arrived by then."""
+        return self.xyz_m[: np.searchsorted(self.arrival_s, time_s, side="right")]
+
 
 @dataclass(frozen=True)
 class BenchSurvey:
