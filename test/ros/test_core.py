@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+"""The real core on a short survey: what it lends to the maps, over the wire."""
+
+import time
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs import point_cloud2
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from rbpf_svgp_slam import srv
+from rbpf_svgp_slam.ros.payload import unpack
+
+PARTICLES = 3
+DURATION_S, BEAMS = 20, 8  # a ping a second
+PATIENCE_S = 10.0  # for what must happen; reached only by a bug
+
+
+def service(name, service_class):
+    rospy.wait_for_service(f"rbpf_core/{name}", PATIENCE_S)
+    return rospy.ServiceProxy(f"rbpf_core/{name}", service_class)
+
+
+def publisher(topic, message_class):
+    """Latched would keep the last message only: the core must be listening before the first."""
+    result = rospy.Publisher(topic, message_class, queue_size=100)
+    deadline_s = time.monotonic() + PATIENCE_S
+    while result.get_num_connections() == 0 and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    return result
+
+
+def odometry(stamp_s):
+    message = Odometry(header=Header(stamp=rospy.Time(stamp_s), frame_id="odom"))
+    message.child_frame_id = "base_link"
+    message.pose.pose.position.z = -10.0
+    message.pose.pose.orientation.w = 1.0
+    message.twist.twist.linear.x = 2.0
+    return message
+
+
+def ping(stamp_s):
+    """Every beam of the survey at a depth of its own."""
+    depths_m = 20 + np.arange(BEAMS) / 16 + stamp_s / 2
+    header = Header(stamp=rospy.Time(stamp_s), frame_id="mbes")
+    beams = [(0.0, float(i), -depth_m) for i, depth_m in enumerate(depths_m)]
+    return point_cloud2.create_cloud_xyz32(header, beams)
+
+
+class CoreTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.get_beams = service("get_beams", srv.GetBeams)
+        cls.get_minibatches = service("get_minibatches", srv.GetMinibatches)
+        cls.get_pings = service("get_pings", srv.GetPings)
+        cls.empty = [cls.get_beams([0], [0], 10), cls.get_minibatches([0], 10)]
+        cls.sail()
+
+    @classmethod
+    def sail(cls):
+        mount = TransformStamped(header=Header(frame_id="base_link"), child_frame_id="mbes")
+        mount.transform.rotation.w = 1.0
+        cls.broadcaster = tf2_ros.StaticTransformBroadcaster()
+        cls.broadcaster.sendTransform(mount)
+        moves, pings = publisher("odom", Odometry), publisher("mbes/pings", PointCloud2)
+        for stamp_s in range(1, DURATION_S + 1):
+            moves.publish(odometry(stamp_s))
+            pings.publish(ping(stamp_s))
+        deadline_s = time.monotonic() + PATIENCE_S
+        while cls.get_pings(0, 0).pings_total < DURATION_S and time.monotonic() < deadline_s:
+            time.sleep(0.05)
+
+    def lent_depths(self):
+        """z of the pings that are neither held out nor held back, in the log's order."""
+        reply = self.get_pings(0, DURATION_S)
+        self.assertEqual(reply.pings_total, DURATION_S)
+        stamps_s = np.frombuffer(reply.stamps, "<f8")
+        z = unpack("beams", reply.beams, (DURATION_S, BEAMS, 3))[:, :, 2]
+        return z[~np.array(reply.held_out) & (stamps_s <= DURATION_S - 5)].ravel()
+
+    def test_maps_that_go_on_where_they_stopped_take_every_beam_in_once(self):
+        lent = self.lent_depths()
+        blocks = [[] for _ in range(PARTICLES)]
+        taken = [0] * PARTICLES
+        while min(taken) < len(lent):
+            reply = self.get_beams(range(PARTICLES), taken, 13)
+            self.assertTrue(reply.success, reply.message)
+            self.assertEqual((reply.epoch, reply.resampling), (0, False))
+            self.assertEqual(reply.beams_in_log, len(lent))
+            self.assertEqual(list(reply.counts), [min(13, len(lent) - n) for n in taken])
+            beams = unpack("beams", reply.beams, (sum(reply.counts), 3))
+            for j, block in enumerate(np.split(beams, np.cumsum(reply.counts)[:-1])):
+                blocks[j].append(block)
+                taken[j] += len(block)
+        logs = np.array([np.concatenate(pieces) for pieces in blocks])
+        for log in logs:
+            np.testing.assert_array_equal(log[:, 2], lent)
+        self.assertGreater(np.ptp(logs[:, :, 0], axis=0).max(), 0.0, "histories of their own")
+
+    def test_what_has_been_taken_in_is_not_sent_again(self):
+        n = len(self.lent_depths())
+        reply = self.get_beams([2, 0], [n, n - 3], 100)
+        self.assertTrue(reply.success, reply.message)
+        self.assertEqual(list(reply.counts), [0, 3])
+
+    def test_an_empty_log_is_refused_alike(self):
+        for reply in self.empty:
+            self.assertFalse(reply.success)
+            self.assertEqual(reply.message, "no beams in the log yet")
+            self.assertEqual(reply.beams_in_log, 0)
+
+    def test_bad_requests_are_refused(self):
+        n = len(self.lent_depths())
+        refused = {
+            "first has 1 entries, expected 2": self.get_beams([0, 1], [0], 10),
+            f"first of particle 1 is {n + 1}, expected": self.get_beams([1], [n + 1], 10),
+            "particle 3, expected below 3": self.get_beams([3], [0], 10),
+            "size is 0, expected": self.get_beams([0], [0], 0),
+        }
+        for message, reply in refused.items():
+            self.assertFalse(reply.success, message)
+            self.assertIn(message, reply.message)
+            self.assertEqual((len(reply.counts), len(reply.beams)), (0, 0))
+
+    def test_minibatches_have_common_random_numbers(self):
+        reply = self.get_minibatches(range(PARTICLES), 50)
+        self.assertTrue(reply.success, reply.message)
+        beams = unpack("beams", reply.beams, (PARTICLES, 50, 3))
+        np.testing.assert_array_equal(beams[0, :, 2], beams[1, :, 2])
+        np.testing.assert_array_equal(beams[0, :, 2], beams[2, :, 2])
+        self.assertGreater(np.ptp(beams[:, :, 0], axis=0).max(), 0.0, "histories of their own")
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_core")
+    rostest.rosrun("rbpf_svgp_slam", "test_core", CoreTest)
