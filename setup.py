@@ -12,6 +12,7 @@ setup(
             "rbpf_svgp_slam.ros",
             "rbpf_svgp_slam.survey",
             "rbpf_svgp_slam.svgp",
+            "rbpf_svgp_slam.svgp.optimizers",
         ],
         package_dir={"": "src"},
         package_data={"rbpf_svgp_slam.evaluation": ["*.j2"]},

@@ -152,7 +152,7 @@ def test_inducing_points_at_the_data_give_the_exact_gp(kernel):
     set_optimal_q(theta, X, y, kernel, jitter)
 
     test = random_beams(50, 8, 12.0)[0]
-    mean, variance = Posterior(theta, kernel, jitter).marginals(test)
+    mean, variance = Posterior.of(theta, kernel, jitter).marginals(test)
     K = covariance(kernel, X, X, 3.0, 2.0) + 0.09 * torch.eye(n, dtype=DOUBLE)
     k = covariance(kernel, X, test, 3.0, 2.0)
     weights = torch.linalg.solve(K, k)
@@ -183,7 +183,7 @@ def test_optimal_q_has_no_gradient_with_fewer_inducing_points_than_data():
 def test_prediction_in_chunks_equals_the_dense_formula():
     theta = random_parameters(12, 2)
     X = random_beams(2500, 2, 20.0)[0]
-    mean, variance = Posterior(theta, "matern32", JITTER).marginals(X)
+    mean, variance = Posterior.of(theta, "matern32", JITTER).marginals(X)
     lengthscale, o, _ = theta.hyperparameters()
     K = covariance("matern32", theta.Z, theta.Z, lengthscale, o)
     K += JITTER * o * torch.eye(12, dtype=DOUBLE)
@@ -204,7 +204,14 @@ def test_products_by_blocks(size):
     torch.testing.assert_close(linalg.gram_of_lower(R, out), R @ R.T)
     torch.testing.assert_close(linalg.lower_of_product(A, B, lower), (A @ B).tril())
     torch.testing.assert_close(linalg.lower_of_product_with_lower(B, R, lower), (B @ R).tril())
-    torch.testing.assert_close(linalg.product_with_transposed_lower(R, B), R.T @ B)
+    torch.testing.assert_close(linalg.gram_of_transposed_lower(R, out), R.T @ R)
+    torch.testing.assert_close(linalg.product_with_lower(R, B, out), R @ B)
+    torch.testing.assert_close(linalg.product_with_transposed_lower(R, B, out), R.T @ B)
+    T = B.tril()
+    torch.testing.assert_close(linalg.product_of_lowers(R, T, torch.zeros_like(A)), R @ T)
+    well = R + 2.0 * size * torch.eye(size, dtype=DOUBLE)
+    inverse = linalg.inverse_of_lower(well, torch.zeros_like(A))
+    torch.testing.assert_close(inverse, torch.linalg.inv(well).tril())
 
 
 def _gram(C, columns):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
-
 import rosgraph
 
+from rbpf_svgp_slam import cpu
 from rbpf_svgp_slam.ros.parameters import (
     GROUP,
     NodeParameters,
@@ -19,8 +18,8 @@ def start() -> int | str:
     """Run the node until shutdown; returns what sys.exit() takes."""
     try:
         parameters = load_parameters()
-        # Numerical libraries read it once, when they are loaded; rospy already loads one.
-        os.environ["OMP_NUM_THREADS"] = str(parameters.map.threads)
+        # Here already, because rospy loads a numerical library.
+        cpu.prepare(parameters.map.threads)
         return _run(parameters)
     except ParameterError as error:
         return f"svgp_node: {error}"

@@ -33,9 +33,13 @@ RULES: dict[str, Rule] = {
     "inducing_points": _COUNT,
     "minibatch_size": _COUNT,
     "kernel": _one_of(KERNELS),
-    "optimizer": _one_of(["adam"], note="; natgrad and streaming are not implemented yet"),
+    "optimizer": _one_of(["adam", "natgrad"]),
     "learning_rate": _above(0.0),
-    "model_learning_rate": _above(0.0, or_zero=True),
+    "natgrad_rate": (lambda value: 0.0 < value <= 1.0, "a number above 0, up to 1"),
+    "natgrad_model_period": _COUNT,
+    "natgrad_inducing_rate": _above(0.0),
+    "natgrad_hyperparameter_rate": _above(0.0),
+    "natgrad_cooling_steps": _COUNT,
     "lengthscale_m": _above(FLOORS[0], or_zero=True),
     "outputscale_m2": _above(FLOORS[1]),
     "noise_std_m": _above(SMALLEST_NOISE_STD_M),
@@ -56,9 +60,13 @@ class SvgpConfig:
     minibatch_size: int = 1000  #: M, beams per step (paper)
     kernel: str = "matern12"  #: k(r) = o·exp(−r/ℓ) (paper); matern32, matern52
     optimizer: str = "adam"  #: (paper)
-    learning_rate: float = 0.1  #: of Adam, for q(v) and, unless set apart, all the rest (paper)
-    #: of Adam for Z, ℓ, o, σ² and c; 0: learning_rate (paper)
-    model_learning_rate: float = 0.0
+    learning_rate: float = 0.1  #: of the optimizer adam, for all parameters (paper)
+    natgrad_rate: float = 0.1  #: of natural-gradient steps: the newest minibatch's share of q(v)
+    natgrad_model_period: int = 1  #: steps from one update of Z, ℓ, o, σ² and c to the next
+    natgrad_inducing_rate: float = 0.1  #: first rate of Adam for Z, inducing pitches
+    natgrad_hyperparameter_rate: float = 0.3  #: first rate of Adam for log ℓ and log o
+    #: updates after which these two rates are halved; they fall as 1/t, to a tenth
+    natgrad_cooling_steps: int = 50
     #: initial ℓ, m; 0: half of the inducing grid's pitch. One of a whole pitch or two correlates
     #: the inducing points, and Adam then takes about twice as many steps to a given map error
     lengthscale_m: float = 0.0

@@ -3,15 +3,15 @@
 The bound is that of Hensman, Fusi and Lawrence 2013 (the paper's eq. 3) with the whitening of
 Matthews 2017, per datum. The outputscale o is kept out of the matrices: with the unit kernel ρ,
 
-    ρ(Z, Z) + jitter·I = L Lᵀ        A = L⁻¹ ρ(Z, X)        f = c + √o·Aᵀv,  v ~ N(m, R Rᵀ)
+    ρ(Z, Z) + jitter·I = L Lᵀ        A = L⁻¹ ρ(Z, X)        f = c + √o·Aᵀv,  v ~ N(m, Σ)
 
-so that conditioning, jitter and triangular solves do not depend on o, and neither does ∂ELBO/∂o
-need the kernel matrices. With e = y − c − √o·Aᵀm, G = A Aᵀ, H = I − R Rᵀ, s = 1/(σ²M):
+so that conditioning, jitter and whitening do not depend on o, and neither does ∂ELBO/∂o need the
+kernel matrices. With e = y − c − √o·Aᵀm, G = A Aᵀ, H = I − Σ, s = 1/(σ²M):
 
     ELBO/N = −½·log 2πσ² − (eᵀe + o·(M − tr H G))/(2σ²M) − KL/N
-    KL     = ½·(tr R Rᵀ + mᵀm − S − 2·Σ log|R_ii|)
+    KL     = ½·(tr Σ + mᵀm − S − log|Σ|)
 
-N is the number of beams in the log, M that of the minibatch.
+N is the number of beams in the log, M that of the minibatch. Adam keeps Σ = R Rᵀ.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.linalg import solve_triangular
 
 from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.kernels import Correlation
-from rbpf_svgp_slam.svgp.parameters import Parameters
+from rbpf_svgp_slam.svgp.parameters import Model, Parameters
+from rbpf_svgp_slam.svgp.prior import Prior
 
 #: |R_ii| counts as no less than this in log|R_ii|. The smallest that data can ask for is about
 #: σ·√(S/(N·o)): 2e-5 for 12 million beams of σ = 0.02 m over a relief of 5 m.
@@ -33,8 +33,8 @@ SMALLEST_R_II = 1e-6
 
 
 @dataclass(frozen=True)
-class _Forward:
-    """What the bound's value and its gradients share."""
+class Residuals:
+    """What a model and a q(v) leave unexplained of a minibatch."""
 
     lengthscale: float  # ℓ, m
     o: float  # outputscale, m²
@@ -44,6 +44,16 @@ class _Forward:
     Ae: Tensor  # [S] A e, m
     squares: float  # eᵀe, m²
     trace: float  # tr H G
+
+    @property
+    def misfit(self) -> float:
+        """eᵀe + o·(M − tr H G), m²: the expected sum of squares under q."""
+        return self.squares + self.o * (len(self.e) - self.trace)
+
+    @property
+    def expected_log_likelihood(self) -> float:
+        """−½·log 2πσ² − misfit/(2σ²M), nats per beam."""
+        return -0.5 * (math.log(2.0 * math.pi * self.noise) + self.s * self.misfit)
 
 
 class Objective:
@@ -62,103 +72,110 @@ class Objective:
         device: torch.device,
     ) -> None:
         S, M = inducing_points, minibatch_size
-        self._jitter = jitter
-        #: How often the last evaluation had to raise the jitter.
-        self.jitter_raises = 0
-        self._zz = Correlation(kernel, (S, S), dtype, device)
+        self.prior = Prior(S, kernel, jitter, dtype, device)
         self._zx = Correlation(kernel, (S, M), dtype, device)
         self._A = torch.empty((S, M), dtype=dtype, device=device)
-        self._L = None
-        self._G, self._H, self._Q, self._V = (
-            torch.zeros((S, S), dtype=dtype, device=device) for _ in range(4)
+        self._G, self._H, self._Q, self._V, self._T = (
+            torch.zeros((S, S), dtype=dtype, device=device) for _ in range(5)
         )
 
     def evaluate(
         self, theta: Parameters, X: Tensor, y: Tensor, N: int, gradient: Parameters
     ) -> float:
-        """Return ELBO/N in nats and fill gradient with its derivatives.
+        """Return ELBO/N in nats and fill gradient with its derivatives, for q(v) = N(m, R Rᵀ).
 
         X [M, 2] positions, m; y [M] z less the map's reference, m; N: beams in the log. Raises
         `NotPositiveDefinite`.
         """
-        forward = self._forward(theta, X, y)
-        self._variational_gradients(theta, forward, N, gradient)
-        self._model_gradients(theta, forward, gradient)
-        # −½·log 2πσ² − (eᵀe + o·(M − tr H G))/(2σ²M) − KL/N
-        misfit = forward.squares + forward.o * (len(y) - forward.trace)
-        log_noise = math.log(2.0 * math.pi * forward.noise)
-        return -0.5 * (log_noise + forward.s * misfit) - kl_divergence(theta) / N
-
-    def _forward(self, theta: Parameters, X: Tensor, y: Tensor) -> _Forward:
-        """Factorise Kzz, project the minibatch: L, A, G, H and the residuals."""
-        lengthscale, o, noise = theta.hyperparameters()
-        K = self._zz.evaluate(theta.Z, theta.Z, lengthscale)
-        self._L, self.jitter_raises = linalg.cholesky(K, self._jitter)
-        # A = L⁻¹ρ(Z, X)      G = A Aᵀ      H = I − R Rᵀ
-        rho = self._zx.evaluate(theta.Z, X, lengthscale)
-        A = solve_triangular(self._L, rho, upper=False, out=self._A)
+        self.prior.factorise(theta)
+        A = self.project(theta, X)
+        # G = A Aᵀ      H = I − R Rᵀ
         G = linalg.gram(A, self._G)
         H = linalg.gram_of_lower(theta.R, self._H).neg_()
         H.diagonal().add_(1.0)
+        residuals = self.residuals(theta, y, theta.m, G, H)
+        self._variational_gradients(theta, residuals, N, gradient)
+        self.model_gradients(theta.m, G, H, residuals, gradient)
+        scale_raw_gradients(theta, gradient)
+        return residuals.expected_log_likelihood - kl_divergence(theta) / N
+
+    def project(self, model: Model, X: Tensor) -> Tensor:
+        """Return A [S, M] at X [M, 2], for the prior as last factorised; a buffer, used again."""
+        rho = self._zx.evaluate(model.Z, X, model.hyperparameters()[0])
+        return linalg.product_with_lower(self.prior.L_inverse, rho, self._A)
+
+    def residuals(self, model: Model, y: Tensor, m: Tensor, G: Tensor, H: Tensor) -> Residuals:
+        """Of y [M] at the positions last projected, under m [S], H [S, S], with G = A Aᵀ."""
+        lengthscale, o, noise = model.hyperparameters()
         # e = y − c − √o·Aᵀm
-        e = torch.addmv(y - theta.c, A.T, theta.m, alpha=-math.sqrt(o))
-        return _Forward(
+        e = torch.addmv(y - model.c, self._A.T, m, alpha=-math.sqrt(o))
+        return Residuals(
             lengthscale=lengthscale,
             o=o,
             noise=noise,
             s=1.0 / (noise * len(y)),
             e=e,
-            Ae=A @ e,
+            Ae=torch.mv(self._A, e),
             squares=torch.mul(e, e).sum(dtype=torch.float64).item(),
             # M − tr H G is a small difference of large numbers: summed in double precision
             trace=torch.mul(H, G, out=self._V).sum(dtype=torch.float64).item(),
         )
 
     def _variational_gradients(
-        self, theta: Parameters, forward: _Forward, N: int, gradient: Parameters
+        self, theta: Parameters, residuals: Residuals, N: int, gradient: Parameters
     ) -> None:
         """∂m [S] and ∂R [S, S], lower triangular."""
-        o, s = forward.o, forward.s
+        o, s = residuals.o, residuals.s
         # ∂m = s·√o·A e − m/N
-        torch.mul(forward.Ae, s * math.sqrt(o), out=gradient.m).add_(theta.m, alpha=-1.0 / N)
+        torch.mul(residuals.Ae, s * math.sqrt(o), out=gradient.m).add_(theta.m, alpha=-1.0 / N)
         # ∂R = −s·o·tril(G R) − R/N + diag(1/(N·R_ii))
         linalg.lower_of_product_with_lower(self._G, theta.R, gradient.R)
         gradient.R.mul_(-s * o).add_(theta.R, alpha=-1.0 / N)
         gradient.R.diagonal().add_(_diagonal(theta.R).reciprocal(), alpha=1.0 / N)
 
-    def _model_gradients(self, theta: Parameters, forward: _Forward, gradient: Parameters) -> None:
-        """∂Z [S, 2], ∂c and the derivatives by the raw ℓ, o and σ²."""
-        o, s, M = forward.o, forward.s, self._A.shape[1]
-        W, U = self._kernel_gradients(theta, forward)
+    def model_gradients(
+        self, m: Tensor, G: Tensor, H: Tensor, residuals: Residuals, gradient: Model
+    ) -> None:
+        """Fill ∂Z [S, 2], ∂c, and for raw the derivatives by ℓ, o and σ² themselves.
+
+        Uses up the kernel matrices of the positions last projected and of the prior.
+        """
+        o, s, M = residuals.o, residuals.s, self._A.shape[1]
+        W, U = self._kernel_gradients(m, G, H, residuals)
         dZ, _, dl = self._zx.pull_back(W)
-        dZ_row, dZ_column, dl_zz = self._zz.pull_back(U)
+        dZ_row, dZ_column, dl_zz = self.prior.correlation.pull_back(U)
         torch.add(dZ_row, dZ_column, out=gradient.Z).add_(dZ)
         # ∂c = s·Σe
-        torch.sum(forward.e, 0, keepdim=True, out=gradient.c).mul_(s)
-        # ∂o = ½s·(mᵀA e/√o + tr H G − M)      ∂σ² = ½s·((eᵀe + o·(M − tr H G))/σ² − M)
-        variance = M - forward.trace
-        do = 0.5 * s * (torch.dot(theta.m, forward.Ae).item() / math.sqrt(o) - variance)
-        dnoise = 0.5 * s * ((forward.squares + o * variance) / forward.noise - M)
-        slopes = theta.hyperparameter_slopes()
-        raw = [d * slope for d, slope in zip((dl + dl_zz, do, dnoise), slopes)]
-        gradient.raw.copy_(torch.tensor(raw, dtype=torch.float64))
+        torch.sum(residuals.e, 0, keepdim=True, out=gradient.c).mul_(s)
+        # ∂o = ½s·(mᵀA e/√o + tr H G − M)      ∂σ² = ½s·(misfit/σ² − M)
+        do = 0.5 * s * (torch.dot(m, residuals.Ae).item() / math.sqrt(o) + residuals.trace - M)
+        dnoise = 0.5 * s * (residuals.misfit / residuals.noise - M)
+        gradient.raw.copy_(torch.tensor([dl + dl_zz, do, dnoise], dtype=torch.float64))
 
-    def _kernel_gradients(self, theta: Parameters, forward: _Forward) -> tuple[Tensor, Tensor]:
+    def _kernel_gradients(
+        self, m: Tensor, G: Tensor, H: Tensor, residuals: Residuals
+    ) -> tuple[Tensor, Tensor]:
         """W [S, M] = ∂ELBO/∂ρ(Z, X), and U [S, S] for ρ(Z, Z), not symmetrised."""
-        L, o, s = self._L, forward.o, forward.s
+        L_inverse, o, s = self.prior.L_inverse, residuals.o, residuals.s
         # Q = tril(s·√o·m (A e)ᵀ + s·o·H G), the diagonal halved
-        Q = linalg.lower_of_product(self._H, self._G, self._Q).mul_(s * o)
-        Q.addr_(theta.m, forward.Ae, alpha=s * math.sqrt(o)).tril_()
+        Q = linalg.lower_of_product(H, G, self._Q).mul_(s * o)
+        Q.addr_(m, residuals.Ae, alpha=s * math.sqrt(o)).tril_()
         Q.diagonal().mul_(0.5)
         # V = L⁻ᵀH      W = s·√o·L⁻ᵀm eᵀ + s·o·V A
-        V = solve_triangular(L.T, self._H, upper=True, out=self._V)
-        alpha = solve_triangular(L.T, theta.m[:, None], upper=True)[:, 0]
-        W = torch.outer(alpha * (s * math.sqrt(o)), forward.e, out=self._zx.rho)
+        V = linalg.product_with_transposed_lower(L_inverse, H, self._V)
+        alpha = torch.mv(L_inverse.T, m)
+        W = torch.outer(alpha.mul_(s * math.sqrt(o)), residuals.e, out=self._zx.rho)
         W.addmm_(V, self._A, alpha=s * o)
         # U = −L⁻ᵀ Q L⁻¹; ρ(Z, Z) is symmetric, so that only U + Uᵀ matters
-        U = solve_triangular(L.T, Q, upper=True, out=self._V)
-        U = solve_triangular(L, U, upper=False, left=False, out=self._zz.rho)
+        T = linalg.product_of_lowers(Q, L_inverse, self._T)
+        U = linalg.product_with_transposed_lower(L_inverse, T, self.prior.correlation.rho)
         return W, U.neg_()
+
+
+def scale_raw_gradients(model: Model, gradient: Model) -> None:
+    """Turn the derivatives by ℓ, o and σ² into those by their raw values."""
+    slopes = torch.tensor(model.hyperparameter_slopes(), dtype=torch.float64)
+    gradient.raw.copy_(gradient.raw.double() * slopes.to(gradient.raw.device))
 
 
 def kl_divergence(theta: Parameters) -> float:

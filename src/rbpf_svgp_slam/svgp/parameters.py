@@ -1,6 +1,6 @@
-"""All numbers that an SVGP learns, as one flat vector with named views.
+"""All numbers that an SVGP learns, as flat vectors with named views.
 
-One vector makes the optimizer a handful of operations, whatever the number of parameters.
+One vector makes an optimizer a handful of operations, whatever the number of parameters.
 """
 
 from __future__ import annotations
@@ -17,25 +17,24 @@ from torch import Tensor
 FLOORS = (1e-6, 1e-6, 1e-4)
 
 
-class Parameters:
-    """The SVGP's parameters, or a gradient with respect to them, for S inducing points.
+class Model:
+    """The parameters of the prior and of the noise, or a gradient with respect to them.
 
-    flat     [S + S² + 2S + 4] everything, in the order of the views below
-    m        [S]     mean of the whitened q(v) = N(m, R Rᵀ)
-    R        [S, S]  its factor, lower triangular, zero above the diagonal; the signs of the
-                     diagonal are free, since only R Rᵀ and log|R_ii| have a meaning
+    flat     [2S + 4] everything, in the order of the views below
     Z        [S, 2]  inducing points, m
     raw      [3]     ℓ, o and σ² before the softplus that keeps them positive (as in GPyTorch)
     c        [1]     constant mean, m
     """
 
-    def __init__(self, inducing_points: int, dtype: torch.dtype, device: torch.device) -> None:
-        S = inducing_points
-        self.flat = torch.zeros(S + S * S + 2 * S + 4, dtype=dtype, device=device)
-        m, R, Z, raw, c = self.flat.split([S, S * S, 2 * S, 3, 1])
-        self.m, self.R, self.Z, self.raw, self.c = m, R.view(S, S), Z.view(S, 2), raw, c
-        #: [S + S²] what belongs to q(v), and [2S + 4] what belongs to the prior and the noise.
-        self.variational, self.model = self.flat.split([S + S * S, 2 * S + 4])
+    def __init__(self, flat: Tensor) -> None:
+        self.flat = flat
+        Z, self.raw, self.c = flat.split([len(flat) - 4, 3, 1])
+        self.Z = Z.view(-1, 2)
+
+    @classmethod
+    def zeros(cls, inducing_points: int, dtype: torch.dtype, device: torch.device) -> Model:
+        """For S inducing points."""
+        return cls(torch.zeros(2 * inducing_points + 4, dtype=dtype, device=device))
 
     def set_hyperparameters(
         self, lengthscale_m: float, outputscale_m2: float, noise_variance_m2: float
@@ -52,6 +51,26 @@ class Parameters:
     def hyperparameter_slopes(self) -> list[float]:
         """Return ∂ℓ/∂raw, ∂o/∂raw and ∂σ²/∂raw: the logistic function of each raw value."""
         return [1.0 / (1.0 + math.exp(-raw)) for raw in self.raw.tolist()]
+
+
+class Parameters(Model):
+    """A `Model` together with a q(v) = N(m, R Rᵀ), for Adam, which learns all of them alike.
+
+    flat     [S + S² + 2S + 4] everything: m, R, then the model's in their order
+    m        [S]     mean of the whitened q(v)
+    R        [S, S]  its factor, lower triangular, zero above the diagonal; the signs of the
+                     diagonal are free, since only R Rᵀ and log|R_ii| have a meaning
+    """
+
+    def __init__(self, inducing_points: int, dtype: torch.dtype, device: torch.device) -> None:
+        S = inducing_points
+        flat = torch.zeros(S + S * S + 2 * S + 4, dtype=dtype, device=device)
+        #: [S + S²] what belongs to q(v), and [2S + 4] what belongs to the prior and the noise.
+        self.variational, self.model = flat.split([S + S * S, 2 * S + 4])
+        super().__init__(self.model)
+        self.flat = flat
+        self.m = self.variational[:S]
+        self.R = self.variational[S:].view(S, S)
 
     @property
     def packed_size(self) -> int:

@@ -1,29 +1,55 @@
-"""Predictions from an SVGP's parameters as they stand."""
+"""Predictions from an SVGP as it stands."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Callable
 
 import torch
 from torch import Tensor
-from torch.linalg import solve_triangular
 
 from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.kernels import Correlation
-from rbpf_svgp_slam.svgp.parameters import Parameters
+from rbpf_svgp_slam.svgp.parameters import Model, Parameters
+from rbpf_svgp_slam.svgp.prior import Prior
 
 #: Points predicted at once, which bounds the memory taken.
 CHUNK = 2048
 
 
+@dataclass(frozen=True)
+class Gaussian:
+    """The whitened q(v) = N(m, Σ), Σ in the form in which its optimizer has it."""
+
+    m: Tensor  # [S]
+    factor: Tensor  # [S, S] lower triangular: R of Σ = R Rᵀ, or F of Σ = FᵀF
+    product: Callable[[Tensor, Tensor, Tensor], Tensor]  # of factor and A, of which ‖·‖² = AᵀΣA
+
+    @classmethod
+    def from_root(cls, m: Tensor, R: Tensor) -> Gaussian:
+        """Σ = R Rᵀ."""
+        return cls(m, R, linalg.product_with_transposed_lower)
+
+    @classmethod
+    def from_inverse_root(cls, m: Tensor, F: Tensor) -> Gaussian:
+        """Σ = FᵀF, where F⁻¹ is the Cholesky factor of the precision."""
+        return cls(m, F, linalg.product_with_lower)
+
+
 class Posterior:
     """The seabed's marginals under q; holds until the parameters change."""
 
-    def __init__(self, theta: Parameters, kernel: str, jitter: float) -> None:
-        S, self._theta, self._kernel = len(theta.m), theta, kernel
-        self._lengthscale, self._o, _ = theta.hyperparameters()
-        zz = Correlation(kernel, (S, S), theta.flat.dtype, theta.flat.device)
-        self._L, _ = linalg.cholesky(zz.evaluate(theta.Z, theta.Z, self._lengthscale), jitter)
+    def __init__(self, model: Model, q: Gaussian, kernel: str, jitter: float) -> None:
+        self._model, self._q, self._kernel = model, q, kernel
+        self._lengthscale, self._o, _ = model.hyperparameters()
+        dtype, device = model.flat.dtype, model.flat.device
+        self._L_inverse = Prior(len(q.m), kernel, jitter, dtype, device).factorise(model)
+
+    @classmethod
+    def of(cls, theta: Parameters, kernel: str, jitter: float) -> Posterior:
+        """For Adam's parameters."""
+        return cls(theta, Gaussian.from_root(theta.m, theta.R), kernel, jitter)
 
     def marginals(self, X: Tensor) -> tuple[Tensor, Tensor]:
         """Mean [n], m, less the map's reference, and variance [n], m², at X [n, 2]."""
@@ -31,12 +57,13 @@ class Posterior:
         return tuple(torch.cat(columns) for columns in zip(*parts))
 
     def _chunk(self, X: Tensor) -> tuple[Tensor, Tensor]:
-        theta, shape = self._theta, (len(self._theta.m), len(X))
-        zx = Correlation(self._kernel, shape, X.dtype, X.device)
-        A = solve_triangular(self._L, zx.evaluate(theta.Z, X, self._lengthscale), upper=False)
+        model, q = self._model, self._q
+        zx = Correlation(self._kernel, (len(q.m), len(X)), X.dtype, X.device)
+        rho = zx.evaluate(model.Z, X, self._lengthscale)
+        A = linalg.product_with_lower(self._L_inverse, rho, torch.empty_like(rho))
         # mean = c + √o·Aᵀm
-        mean = torch.mv(A.T, theta.m).mul_(math.sqrt(self._o)).add_(theta.c)
-        # variance = o·(1 − Σ A² + Σ (RᵀA)²): the prior's rest, never below 0, and q's own
+        mean = torch.mv(A.T, q.m).mul_(math.sqrt(self._o)).add_(model.c)
+        # variance = o·(1 − Σ A² + AᵀΣA): the prior's rest, never below 0, and q's own
         rest = (1.0 - A.square().sum(0)).clamp_min_(0.0)
-        own = linalg.product_with_transposed_lower(theta.R, A).square_().sum(0)
+        own = q.product(q.factor, A, rho).square_().sum(0)
         return mean, rest.add_(own).mul_(self._o)

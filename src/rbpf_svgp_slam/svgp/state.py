@@ -1,19 +1,17 @@
 """A map as bytes: an uncompressed npz file (a zip of npy arrays), readable with numpy.load.
 
 format           'rbpf_svgp_slam/svgp'
-version          1; other versions are refused
+version          2; other versions are refused
 config           JSON of the settings that the map was trained with (config.py)
 iterations       steps taken                        skipped_steps  steps undone
 jitter_raises    times that a Cholesky factorisation wanted a larger jitter
 reference_m      what is subtracted from every depth; NaN before the first step
-parameters       [P] m [S], R [S, S] by rows up to the diagonal, Z [S, 2], raw ℓ, o, σ² and c
-adam_steps       steps that Adam counts, and its two moments, in the order of `parameters`:
-adam_first       [P]                                adam_second    [P]
 averages         [<= window + 1] mature moving averages of the ELBO, nats, oldest first
 average_weight   weight gathered by the moving average, 0 .. 1
 raw_average      the average times that weight      ready          converged
 
-P = S + S(S + 1)/2 + 2S + 4. Nothing is pickled, and nothing pickled is ever loaded.
+and what belongs to the optimizer, which its class describes (optimizers/): all that has been
+learned. Nothing is pickled, and nothing pickled is ever loaded.
 """
 
 from __future__ import annotations
@@ -26,19 +24,15 @@ from typing import Any, Mapping
 import numpy as np
 
 FORMAT = "rbpf_svgp_slam/svgp"
-VERSION = 1
+VERSION = 2
 
-#: Name: (kind of number, dimensions).
+#: Name: (kind of number, dimensions), of what every map has.
 ENTRIES = {
     "config": ("U", 0),
     "iterations": ("i", 0),
     "skipped_steps": ("i", 0),
     "jitter_raises": ("i", 0),
     "reference_m": ("f", 0),
-    "parameters": ("f", 1),
-    "adam_steps": ("i", 0),
-    "adam_first": ("f", 1),
-    "adam_second": ("f", 1),
     "averages": ("f", 1),
     "average_weight": ("f", 0),
     "raw_average": ("f", 0),
@@ -59,7 +53,7 @@ READING_ERRORS = (
 
 
 def encode(entries: Mapping[str, Any]) -> bytes:
-    """Bytes of a state with exactly the names in ENTRIES."""
+    """Bytes of a state with the names in ENTRIES and those of the map's optimizer."""
     buffer = io.BytesIO()
     np.savez(buffer, format=FORMAT, version=VERSION, **entries)
     return buffer.getvalue()
@@ -76,16 +70,23 @@ def decode(data: bytes) -> dict[str, np.ndarray]:
         ) from error
     _expect("format", entries.get("format", "missing"), FORMAT)
     _expect("version", entries.get("version", "missing"), VERSION)
-    for name, (kind, dimensions) in ENTRIES.items():
+    expect_entries(entries, ENTRIES)
+    return entries
+
+
+def expect_entries(
+    entries: Mapping[str, np.ndarray], expected: Mapping[str, tuple[str, int]]
+) -> None:
+    """Raise ValueError where an entry is missing, or of another kind or dimension."""
+    for name, (kind, dimensions) in expected.items():
         if name not in entries:
-            raise ValueError(f"map has no entry {name}; expected {', '.join(ENTRIES)}")
+            raise ValueError(f"map has no entry {name}; expected {', '.join(expected)}")
         array = entries[name]
         if array.dtype.kind != kind or array.ndim != dimensions:
             raise ValueError(
                 f"map's {name} is {array.dtype}{list(array.shape)}; "
                 f"expected kind {kind!r} with {dimensions} dimensions"
             )
-    return entries
 
 
 def _expect(name: str, value: Any, expected: Any) -> None:

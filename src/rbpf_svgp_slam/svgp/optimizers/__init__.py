@@ -1,0 +1,6 @@
+"""How an SVGP map learns: by name, as in `svgp/optimizer`."""
+
+from rbpf_svgp_slam.svgp.optimizers.adam import AdamOptimizer
+from rbpf_svgp_slam.svgp.optimizers.natgrad import NaturalGradient
+
+OPTIMIZERS = {"adam": AdamOptimizer, "natgrad": NaturalGradient}
