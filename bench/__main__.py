@@ -7,7 +7,7 @@ import importlib
 import json
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Iterator
 
 from bench import machine
 from bench.paths import ROOT
@@ -57,14 +57,12 @@ def _print_table(results: dict[str, Any]) -> None:
     rows = list(_numbers(results))
     width = max((len(name) for name, _ in rows), default=0)
     for name, value in rows:
-        print(
-            f"{name:{width}s}  {value:.4g}"
-            if isinstance(value, float)
-            else f"{name:{width}s}  {value}"
-        )
+        shown = f"{value:.4g}" if isinstance(value, float) else value
+        print(f"{name:{width}s}  {shown}")
 
 
-def _numbers(tree: dict[str, Any], prefix: str = ""):
+def _numbers(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Names and values of all leaves but lists."""
     for name, value in tree.items():
         if isinstance(value, dict):
             yield from _numbers(value, f"{prefix}{name}.")

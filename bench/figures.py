@@ -10,9 +10,13 @@ import numpy as np
 matplotlib.use("Agg")
 
 from matplotlib import pyplot as plt  # noqa: E402
+from matplotlib.axes import Axes  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.ticker import FuncFormatter, LogLocator  # noqa: E402
 
 from rbpf_svgp_slam.evaluation.figure_style import STYLE, WIDTH_IN  # noqa: E402
+
+matplotlib.rcParams.update(STYLE)
 
 LABELS = {
     "gpytorch_newest": "GPyTorch, Adam",
@@ -27,32 +31,40 @@ COLOURS = {
     "natgrad": "#009E73",
     "streaming": "#CC79A7",
 }
+#: Lines that mark a place.
+GUIDE = {"color": "#888888", "linewidth": 0.8, "linestyle": "--"}
 RMSE_LABEL, ELBO_LABEL = "held-out RMSE (m)", "ELBO (nats per beam)"
 #: The first steps are far below all that matters later.
-LOWEST_ELBO = -6.0
+LOWEST_ELBO = -3.0
 
 
 def score_curves(
     curves: dict[str, dict[str, list[float]]], x_name: str, x_label: str, title: str
 ) -> Figure:
     """RMSE and ELBO side by side over curves[contestant][x_name]."""
-    with plt.rc_context(STYLE):
-        figure, panels = plt.subplots(1, 2, figsize=(WIDTH_IN, 0.4 * WIDTH_IN))
-        figure.suptitle(title, fontsize=10)
-        for axes, name, label in zip(panels, ("rmse_m", "elbo"), (RMSE_LABEL, ELBO_LABEL)):
-            for contestant, curve in curves.items():
-                style = {"label": LABELS[contestant], "color": COLOURS[contestant]}
-                axes.plot(curve[x_name], curve[name], **style)
-            axes.set(xlabel=x_label, ylabel=label)
-        best = max(np.max(curve["elbo"]) for curve in curves.values())
-        worst = min(np.min(curve["elbo"]) for curve in curves.values())
-        panels[1].set_ylim(max(worst, LOWEST_ELBO), best + 0.1)
-        panels[0].legend()
+    figure, panels = plt.subplots(1, 2, figsize=(WIDTH_IN, 0.4 * WIDTH_IN))
+    figure.suptitle(title, fontsize=10)
+    for axes, name, label in zip(panels, ("rmse_m", "elbo"), (RMSE_LABEL, ELBO_LABEL)):
+        for contestant, curve in curves.items():
+            style = {"label": LABELS[contestant], "color": COLOURS[contestant]}
+            axes.plot(curve[x_name], curve[name], **style)
+        axes.set(xlabel=x_label, ylabel=label)
+    _decimal_logarithmic(panels[0])
+    best = max(np.max(curve["elbo"]) for curve in curves.values())
+    worst = min(np.min(curve["elbo"]) for curve in curves.values())
+    panels[1].set_ylim(max(worst, LOWEST_ELBO), best + 0.1)
     return figure
+
+
+def _decimal_logarithmic(axes: Axes) -> None:
+    """A logarithmic y axis over about one decade, its ticks as plain numbers."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+    axes.yaxis.set_minor_locator(LogLocator(subs=()))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG and let go of the figure."""
-    with plt.rc_context(STYLE):
-        figure.savefig(path)
+    figure.savefig(path)
     plt.close(figure)

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import time
+import xmlrpc.client
 from pathlib import Path
 from typing import Callable, Iterator
 
@@ -52,3 +53,13 @@ def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PAT
         if time.monotonic() > deadline_s:
             raise TimeoutError(f"waited {patience_s:g} s in vain for {what}")
         time.sleep(0.05)
+
+
+def cpu_s(node: str) -> float:
+    """Processor time, s, that a running ROS node of this machine has used so far."""
+    name = f"/{node}"
+    uri = rosgraph.Master("/bench").lookupNode(name)
+    _, _, pid = xmlrpc.client.ServerProxy(uri).getPid("/bench")
+    # fields 14 and 15 of proc(5): utime and stime; the second, the name, may hold blanks
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

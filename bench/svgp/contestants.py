@@ -16,6 +16,8 @@ from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.inducing import grid_pitch_m, initial_inducing_points
 
 SEED = 1
+#: Adam's learning rate, the paper's and this package's default.
+ADAM_RATE = 0.1
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def race_request(
         "lengthscale_m": 0.5 * grid_pitch_m(survey_area, S),
         "outputscale_m2": config.outputscale_m2,
         "noise_std_m": config.noise_std_m,
-        "learning_rate": config.learning_rate,
+        "learning_rate": ADAM_RATE,
     }
 
 

@@ -85,7 +85,7 @@ class GpytorchMap:
 
     @torch.no_grad()
     def variational_parameters(self) -> tuple[np.ndarray, np.ndarray]:
-        """m [S] and R [S, S] of the whitened q(v) = N(m, R Rᵀ)."""
+        """m [S] and R [S, S] of the whitened q(v) = N(m, R Rᵀ), R lower triangular."""
         distribution = self._model.variational_strategy._variational_distribution
         m, R = distribution.variational_mean, distribution.chol_variational_covar
         return m.numpy().astype(float), R.tril().numpy().astype(float)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from bench import figures
 from bench.svgp.contestants import GPYTORCH_NEWEST, WorkerProcess, available, race_request
@@ -77,13 +78,13 @@ def _record(
         curve[name].append(value)
 
 
-def _figure(curves: dict[str, dict[str, list[float]]]):
+def _figure(curves: dict[str, dict[str, list[float]]]) -> Figure:
     title = f"{TRAINING_SHARE:g} s of training per second of survey, S = {S}, M = {M}"
     figure = figures.score_curves(curves, "survey_s", "survey time (s)", title)
-    # the line on which the swath first reaches the rough half
+    # lines before the one along the border
     lines = 0.5 * AREA_M[1] / LINE_SPACING_M - 1
     rough_s = lines * (AREA_M[0] + LINE_SPACING_M) / SPEED_MPS
     for axes in figure.axes:
-        axes.axvline(rough_s, color="#888888", linewidth=0.8, linestyle="--")
-    figure.axes[0].set_yscale("log")
+        axes.axvline(rough_s, label="rougher relief from here on", **figures.GUIDE)
+    figure.axes[0].legend()
     return figure

@@ -31,7 +31,7 @@ class Judge:
         rmse_m = math.sqrt(np.mean((mean[: len(apart)] - apart[:, 2]) ** 2))
         error_m, variance = mean[len(apart) :] - sample[:, 2], variance[len(apart) :]
         noise = seen["noise_variance_m2"].item()
-        kl = _kl_divergence(seen["m"], seen["R"])
+        kl = _kl_divergence(seen["m"], seen["T"])
         return rmse_m, _expected_log_likelihood(error_m, variance, noise) - kl / len(trained)
 
 
@@ -42,7 +42,10 @@ def _expected_log_likelihood(error_m: np.ndarray, variance: np.ndarray, noise: f
     return -0.5 * (math.log(2.0 * math.pi * noise) + misfit / noise)
 
 
-def _kl_divergence(m: np.ndarray, R: np.ndarray) -> float:
-    """KL(q(v) ‖ N(0, I)), nats, for q(v) = N(m, R Rᵀ); m [S], R [S, S]."""
-    log_determinant = 2.0 * float(np.log(np.abs(np.diagonal(R))).sum())
-    return 0.5 * (float((R**2).sum() + m @ m) - len(m) - log_determinant)
+def _kl_divergence(m: np.ndarray, T: np.ndarray) -> float:
+    """KL(q(v) ‖ N(0, I)), nats, for q(v) = N(m, Σ); m [S], T [S, S] triangular.
+
+    The same for Σ = T Tᵀ and Σ = TᵀT, since only its trace and determinant count.
+    """
+    log_determinant = 2.0 * float(np.log(np.abs(np.diagonal(T))).sum())
+    return 0.5 * (float((T**2).sum() + m @ m) - len(m) - log_determinant)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from bench import figures
 from bench.svgp.contestants import GPYTORCH_NEWEST, WorkerProcess, available, race_request
@@ -15,9 +16,10 @@ from bench.svgp.surveys import BenchSurvey, run_survey, smooth_relief
 
 S, M, BEAMS = 400, 1000, 500_000
 REFERENCE_STEPS = 2000
-#: The faster ones settle long before: training steps of each of ours.
-STEPS = {"adam": 2000, "natgrad": 1000, "streaming": 1000}
-CHECKPOINTS = 40
+#: Training steps of each of ours. Adam, being the same, may end a hair above the reference after
+#: as many steps; the others settle long before.
+STEPS = {"adam": 2500, "natgrad": 1000, "streaming": 1000}
+CHECKPOINTS, LATE_CHECKPOINTS = 40, [2100, 2250, 2500]
 
 
 def run(out: Path) -> dict[str, Any]:
@@ -32,8 +34,7 @@ def run(out: Path) -> dict[str, Any]:
         if name != GPYTORCH_NEWEST.name:
             time_s = time_to_stay_below(curve, target_m)
             results[f"{name}_time_to_rmse_vs_gpytorch_newest"] = time_s and time_s / reference_s
-    figure = _figure(curves, target_m)
-    figures.save(figure, out / "svgp_time_to_rmse.png")
+    figures.save(_figure(curves, target_m), out / "svgp_time_to_rmse.png")
     return results
 
 
@@ -65,7 +66,8 @@ def _race(survey: BenchSurvey) -> dict[str, dict[str, list[float]]]:
 
 def _checkpoints() -> list[int]:
     """Numbers of steps, evenly spaced on a logarithmic axis."""
-    return np.unique(np.geomspace(5, REFERENCE_STEPS, CHECKPOINTS).round().astype(int)).tolist()
+    steps = np.geomspace(5, REFERENCE_STEPS, CHECKPOINTS).round().astype(int)
+    return np.unique(steps).tolist() + LATE_CHECKPOINTS
 
 
 def _empty() -> dict[str, list[float]]:
@@ -83,12 +85,12 @@ def _advance(
         curve[name].append(value)
 
 
-def _figure(curves: dict[str, dict[str, list[float]]], target_m: float):
+def _figure(curves: dict[str, dict[str, list[float]]], target_m: float) -> Figure:
     title = f"{BEAMS:,} beams, S = {S}, M = {M}, one thread"
     figure = figures.score_curves(curves, "training_s", "training time (s)", title)
-    panel = figure.axes[0]
-    panel.axhline(target_m, color="#888888", linewidth=0.8, linestyle="--")
-    panel.set_yscale("log")
+    label = f"GPyTorch's after {REFERENCE_STEPS} steps"
+    figure.axes[0].axhline(target_m, label=label, **figures.GUIDE)
+    figure.axes[0].legend()
     for axes in figure.axes:
         axes.set_xscale("log")
     return figure

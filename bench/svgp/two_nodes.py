@@ -11,7 +11,7 @@ from typing import Any
 import rospy
 import yaml
 
-from bench.ros_session import master, running, wait_until
+from bench.ros_session import cpu_s, master, running, wait_until
 from bench.svgp.contestants import available
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 
@@ -54,9 +54,9 @@ def _measure(optimizer: str, bag: Path, out: Path) -> dict[str, Any]:
         subprocess.run(play + ["/tf_static"], check=True, stdout=subprocess.DEVNULL)
         wait_until(lambda: status.core.beams >= SMALLEST_LOG, f"{SMALLEST_LOG} beams in the log")
         time.sleep(SETTLE_S)
-        before = dict(status.nodes)
+        before = _Snapshot(status)
         time.sleep(MEASURE_S)
-        figures = _figures(before, status)
+        figures = _figures(before, _Snapshot(status))
         status.close()
     return figures
 
@@ -100,17 +100,32 @@ class _Status:
         self.nodes[message.node] = message
 
 
-def _figures(before: dict[int, MapStatus], now: _Status) -> dict[str, Any]:
-    """Steps per second from the counters and stamps of two status messages of each node."""
+class _Snapshot:
+    """Counters at one moment."""
+
+    def __init__(self, status: _Status) -> None:
+        self.time_s = time.monotonic()
+        self.nodes = {f"svgp_node_{k}": message for k, message in status.nodes.items()}
+        self.cpu_s = {name: cpu_s(name) for name in ("rbpf_core", *self.nodes)}
+        self.beams = status.core.beams
+
+
+def _figures(before: _Snapshot, now: _Snapshot) -> dict[str, Any]:
+    """Rates between two moments; steps per second by the status messages' own stamps."""
     rates = {}
-    for k, first in before.items():
-        last = now.nodes[k]
+    for name, first in before.nodes.items():
+        last = now.nodes[name]
         seconds = (last.header.stamp - first.header.stamp).to_sec()
-        rates[f"svgp_node_{k}"] = (last.steps - first.steps) / seconds
+        rates[name] = (last.steps - first.steps) / seconds
+    elapsed_s = now.time_s - before.time_s
     return {
         "steps_per_s": sum(rates.values()),
         "steps_per_s_by_node": rates,
+        # of one core; where a node has less than 1, others were using the machine
+        "cpu_share": {
+            name: (now.cpu_s[name] - used_s) / elapsed_s for name, used_s in before.cpu_s.items()
+        },
         "maps": PARTICLES,
-        "beams_in_log": now.core.beams,
+        "beams_in_log": now.beams,
         "skipped_steps": sum(status.skipped_steps for status in now.nodes.values()),
     }

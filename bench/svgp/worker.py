@@ -67,11 +67,11 @@ class Worker:
         return {"clock_s": np.array(clock_s), "steps": np.array(steps)}
 
     def look(self, xy: np.ndarray) -> dict[str, Any]:
-        """Latent mean [n], m, and variance [n], m², at [n, 2]; m [S], R [S, S] and σ², m²."""
+        """Latent mean [n], m, and variance [n], m², at [n, 2]; m [S], T [S, S] and σ², m²."""
         mean, variance = self._map.predict(xy)
-        m, R = _variational_parameters(self._map)
+        m, T = _variational_parameters(self._map)
         noise = self._map.noise_variance_m2
-        return {"mean": mean, "variance": variance, "m": m, "R": R, "noise_variance_m2": noise}
+        return {"mean": mean, "variance": variance, "m": m, "T": T, "noise_variance_m2": noise}
 
     def _step(self, arrived: int) -> float:
         """Wall time of one step on the first `arrived` beams; drawing them does not count."""
@@ -102,12 +102,12 @@ def _make_map(request: dict[str, np.ndarray]) -> Any:
 
 
 def _variational_parameters(engine: Any) -> tuple[np.ndarray, np.ndarray]:
-    """m [S] and R [S, S] of the whitened q(v) = N(m, R Rᵀ)."""
+    """m [S] of the whitened q(v) = N(m, Σ), and T [S, S], triangular: Σ = T Tᵀ or TᵀT."""
     if hasattr(engine, "variational_parameters"):
         return engine.variational_parameters()
     # ours has no reason to show them to anybody else
-    theta = engine._theta
-    return theta.m.numpy().astype(float), theta.R.numpy().astype(float)
+    q = engine._optimizer.gaussian()
+    return q.m.numpy().astype(float), q.factor.numpy().astype(float)
 
 
 if __name__ == "__main__":

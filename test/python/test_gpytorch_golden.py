@@ -61,6 +61,7 @@ def test_elbo_and_gradients_are_gpytorchs(kernel):
 def test_predictions_are_gpytorchs(kernel):
     case = golden(kernel)
     theta, jitter = parameters(case)
-    mean, variance = Posterior(theta, kernel, jitter).marginals(torch.from_numpy(case["points"]))
+    points = torch.from_numpy(case["points"])
+    mean, variance = Posterior.of(theta, kernel, jitter).marginals(points)
     np.testing.assert_allclose(mean.numpy(), case["mean"], rtol=TOLERANCE, atol=TOLERANCE)
     np.testing.assert_allclose(variance.numpy(), case["variance"], rtol=TOLERANCE)
