@@ -20,6 +20,12 @@ def describe() -> dict[str, Any]:
         "python": platform.python_version(),
         "numpy": version("numpy"),
         "torch": version("torch"),
+        # a core type that was set by hand can halve the speed of Debian's BLAS, or double it
+        "blas_settings": {
+            name: value
+            for name, value in sorted(os.environ.items())
+            if name.startswith(("OPENBLAS_", "OMP_", "MKL_"))
+        },
     }
 
 
