@@ -6,6 +6,8 @@ import numpy as np
 import torch
 
 from rbpf_svgp_slam.svgp.parameters import FLOORS, Parameters
+from rbpf_svgp_slam.svgp.posterior import Gaussian, Posterior
+from rbpf_svgp_slam.svgp.prior import Prior
 
 DOUBLE = torch.float64
 
@@ -105,3 +107,9 @@ def gp_sample(n, seed, extent_m, lengthscale_m, outputscale_m2, noise_std_m, ker
     K = covariance(kernel, X, X, lengthscale_m, outputscale_m2).numpy()
     f = np.linalg.cholesky(K + 1e-9 * np.eye(n)) @ rng.standard_normal(n)
     return np.column_stack([xy, f - 30.0 + noise_std_m * rng.standard_normal(n)])
+
+
+def posterior(theta, kernel, jitter):
+    """Ours, for Adam's parameters."""
+    prior = Prior(len(theta.m), kernel, jitter, theta.flat.dtype, "cpu")
+    return Posterior(theta, Gaussian.from_root(theta.m, theta.R), kernel, prior.factorise(theta))

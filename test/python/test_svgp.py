@@ -13,6 +13,7 @@ from svgp_reference import (
     dense_elbo,
     gp_sample,
     leaf,
+    posterior,
     random_beams,
     random_parameters,
     set_optimal_q,
@@ -23,7 +24,6 @@ from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.kernels import KERNELS, Correlation
 from rbpf_svgp_slam.svgp.objective import Objective, kl_divergence
 from rbpf_svgp_slam.svgp.parameters import Parameters
-from rbpf_svgp_slam.svgp.posterior import Posterior
 
 NAMES = ("m", "R", "Z", "raw", "c")
 # Large enough for well-conditioned references: what is compared is algebra, not rounding.
@@ -152,7 +152,7 @@ def test_inducing_points_at_the_data_give_the_exact_gp(kernel):
     set_optimal_q(theta, X, y, kernel, jitter)
 
     test = random_beams(50, 8, 12.0)[0]
-    mean, variance = Posterior.of(theta, kernel, jitter).marginals(test)
+    mean, variance = posterior(theta, kernel, jitter).marginals(test)
     K = covariance(kernel, X, X, 3.0, 2.0) + 0.09 * torch.eye(n, dtype=DOUBLE)
     k = covariance(kernel, X, test, 3.0, 2.0)
     weights = torch.linalg.solve(K, k)
@@ -183,7 +183,7 @@ def test_optimal_q_has_no_gradient_with_fewer_inducing_points_than_data():
 def test_prediction_in_chunks_equals_the_dense_formula():
     theta = random_parameters(12, 2)
     X = random_beams(2500, 2, 20.0)[0]
-    mean, variance = Posterior.of(theta, "matern32", JITTER).marginals(X)
+    mean, variance = posterior(theta, "matern32", JITTER).marginals(X)
     lengthscale, o, _ = theta.hyperparameters()
     K = covariance("matern32", theta.Z, theta.Z, lengthscale, o)
     K += JITTER * o * torch.eye(12, dtype=DOUBLE)

@@ -26,7 +26,10 @@ def train(engine, steps, seed=0):
     rng = np.random.default_rng(seed)
     for _ in range(steps):
         beams = rng.uniform([-50.0, -30.0, -12.0], [50.0, 30.0, -10.0], (60, 3))
-        engine.train_step(beams.astype(np.float32), 5000)
+        if engine.next_beam is None:
+            engine.train_step(beams.astype(np.float32), 5000)
+        else:
+            engine.take_in(beams.astype(np.float32))
     return engine
 
 
@@ -50,7 +53,7 @@ def rewritten(**changes):
 
 @pytest.mark.parametrize("steps", [0, 1, 7])
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
-@pytest.mark.parametrize("optimizer", ["adam", "natgrad"])
+@pytest.mark.parametrize("optimizer", sorted(OPTIMIZERS))
 def test_training_goes_on_bit_for_bit(steps, dtype, optimizer):
     config = replace(CONFIG, dtype=dtype, optimizer=optimizer)
     original = train(SvgpMap(config, AREA), steps)
@@ -194,8 +197,9 @@ def test_defaults_are_the_papers():
         ("inducing_points", 10.0, "a value of type int"),
         ("inducing_points", True, "a value of type int"),
         ("kernel", "rbf", "one of matern12, matern32, matern52"),
-        ("optimizer", "lbfgs", "one of adam, natgrad"),
+        ("optimizer", "lbfgs", "one of adam, natgrad, streaming"),
         ("natgrad_rate", 1.5, "a number above 0, up to 1"),
+        ("shared_hyperparameters", True, "false with optimizer adam"),
         ("natgrad_model_period", 0, "a whole number from 1"),
         ("learning_rate", 0.0, "a number above 0"),
         ("learning_rate", "fast", "a value of type float"),

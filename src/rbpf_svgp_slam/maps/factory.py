@@ -30,15 +30,30 @@ class MapFactory:
         self._engine_class = make_engine_class(engine)
         self._config = config
         self._survey_area = survey_area
+        self._group = self._engine_class.make_group(config, survey_area)
         #: Beams that one training step of a map wants.
         self.minibatch_size: int = config.minibatch_size
 
+    @property
+    def teacher(self) -> MapEngine | None:
+        """The map that learns for this node's, if they take in every beam once."""
+        return getattr(self._group, "teacher", None)
+
+    @property
+    def rebuild_beams(self) -> int:
+        """Largest sample of beams that a map's `rebuild` wants."""
+        return self._config.streaming_rebuild_beams
+
     def create(self) -> MapEngine:
-        """A new map; all are equal."""
-        return self._engine_class(self._config, self._survey_area)
+        """A new map of this node; all are equal."""
+        return self._engine_class(self._config, self._survey_area, self._group)
 
     def load(self, data: bytes) -> MapEngine:
-        """The map that wrote the bytes, independent of it."""
+        """The map that wrote the bytes, as one of this node's."""
+        return self._engine_class.from_bytes(data, self._config, self._group)
+
+    def load_alone(self, data: bytes) -> MapEngine:
+        """The map that wrote the bytes, independent of all others."""
         return self._engine_class.from_bytes(data, self._config)
 
 

@@ -1,4 +1,4 @@
-"""Fetches minibatches from the core ahead of the training that uses them."""
+"""Fetches beams from the core: minibatches ahead of the training, and the log in its order."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 import rospy
 
 from rbpf_svgp_slam.ros.payload import BadRequest, unpack
-from rbpf_svgp_slam.srv import GetMinibatches, GetMinibatchesResponse
+from rbpf_svgp_slam.srv import GetBeams, GetMinibatches, GetMinibatchesResponse
 
 SERVICE = "rbpf_core/get_minibatches"
+BEAMS_SERVICE = "rbpf_core/get_beams"
 # Between two questions to a core that has no beams yet.
 EMPTY_LOG_PAUSE_S = 0.25
 # Between two attempts to reach a core that is not there: doubled from the first to the second.
@@ -123,3 +124,54 @@ class MinibatchFeed:
         proxy, self._proxy = self._proxy, None
         if proxy is not None:
             proxy.close()
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Beams of several particles, each placed by its own history."""
+
+    epoch: int  # the core's when it placed them
+    beams_in_log: int  # N
+    beams: list[np.ndarray]  # by particle, [n, 3] m, as in Minibatches
+
+
+class BeamReader:
+    """Asks the core and waits for the answer; not to be shared by threads."""
+
+    def __init__(self) -> None:
+        self._proxies: dict[str, rospy.ServiceProxy] = {}
+
+    def read(self, particles: Sequence[int], first: Sequence[int], size: int) -> Beams | None:
+        """Up to `size` beams for each particle, from its own `first` of the log on."""
+        response = self._call(BEAMS_SERVICE, GetBeams, list(particles), list(first), size)
+        if response is None:
+            return None
+        beams = unpack("beams", response.beams, (sum(response.counts), 3))
+        parts = np.split(beams, np.cumsum(response.counts)[:-1])
+        return Beams(response.epoch, response.beams_in_log, parts)
+
+    def sample(self, particle: int, size: int) -> Beams | None:
+        """`size` beams, drawn from the whole log."""
+        response = self._call(SERVICE, GetMinibatches, [particle], size)
+        if response is None:
+            return None
+        beams = unpack("beams", response.beams, (size, 3))
+        return Beams(response.epoch, response.beams_in_log, [beams])
+
+    def _call(self, name: str, service_class: type, *request: object) -> object | None:
+        """The response; none, with a warning, if the core is not there or refuses."""
+        try:
+            if name not in self._proxies:
+                rospy.wait_for_service(name, timeout=BACK_OFF_S[1])
+                self._proxies[name] = rospy.ServiceProxy(name, service_class, persistent=True)
+            response = self._proxies[name](*request)
+        except Exception as error:  # whatever it is: training goes on
+            proxy = self._proxies.pop(name, None)
+            if proxy is not None:
+                proxy.close()
+            rospy.logwarn_throttle(WARNING_PERIOD_S, "no beams from %s: %s", name, error)
+            return None
+        if not response.success:
+            rospy.logwarn_throttle(WARNING_PERIOD_S, "%s refused: %s", name, response.message)
+            return None
+        return response

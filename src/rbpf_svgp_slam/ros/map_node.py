@@ -14,16 +14,14 @@ import torch
 from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.maps import MapFactory
 from rbpf_svgp_slam.msg import MapStatus
-from rbpf_svgp_slam.ros.core_client import MinibatchFeed, Minibatches
 from rbpf_svgp_slam.ros.map_publisher import MapPublisher
-from rbpf_svgp_slam.ros.map_store import RETRY_S, MapStore
+from rbpf_svgp_slam.ros.map_store import MapStore
 from rbpf_svgp_slam.ros.parameters import NodeParameters
 from rbpf_svgp_slam.ros.payload import BadRequest, pack, unpack
 from rbpf_svgp_slam.ros.peers import Peers
+from rbpf_svgp_slam.ros.training import MinibatchTraining, StreamTraining
 
 STATUS_PERIOD_S = 0.5
-# Longest wait for minibatches, after which the node looks after its other duties.
-IDLE_S = 0.1
 # Shares of resampling/timeout_s, the core's own patience: who waits for others gives up before
 # those who wait for him, so that the reason travels back.
 FETCH_SHARE = 0.8
@@ -72,73 +70,19 @@ class MapNode:
             rospy.Service("~commit_resampling", srv.CommitResampling, self._commit),
             rospy.Service("~get_maps", srv.GetMaps, self._get_maps),
         ]
-        self._feed = MinibatchFeed(
-            self._store.own, factory.minibatch_size, lambda: self._store.epoch
-        )
+        training_class = MinibatchTraining if factory.teacher is None else StreamTraining
+        self._training = training_class(self._store, factory, self._between_steps)
 
     def spin(self) -> None:
         """Train until shutdown."""
         try:
             while not rospy.is_shutdown():
-                minibatches = self._next_minibatches()
-                if minibatches is not None:
-                    self._train(minibatches)
+                self._training.advance()
                 self._between_steps()
         except rospy.ROSInterruptException:
             pass
         finally:
-            self._feed.stop()
-
-    # Training
-
-    def _next_minibatches(self) -> Minibatches | None:
-        """Minibatches of this node's epoch, if there are any at present."""
-        if not self._store.frozen:
-            reply = self._feed.take(IDLE_S)
-            return reply if reply is not None and self._is_current(reply) else None
-        if not self._store.undecided():
-            self._store.wait_while_frozen(IDLE_S)
-            return None
-        # The decision is late or lost. Only an answer to a question asked now tells which.
-        self._feed.refresh()
-        reply = self._feed.take(RETRY_S)
-        outcome = self._store.settle(reply.epoch, reply.resampling) if reply else ""
-        if outcome:
-            rospy.logwarn("a resampling's outcome has not been sent; %s, as the core says", outcome)
-        return None
-
-    def _is_current(self, reply: Minibatches) -> bool:
-        """Beams placed under another epoch are useless; an epoch that stays another is adopted."""
-        epoch = self._store.epoch
-        if reply.epoch == epoch:
-            return True
-        if reply.asked_epoch != epoch or reply.resampling or self._store.frozen:
-            return False
-        if self._store.steps == 0:
-            rospy.loginfo("joining at epoch %d, with new maps", reply.epoch)
-        else:
-            rospy.logerr_throttle(
-                ERROR_PERIOD_S,
-                f"the core is at epoch {reply.epoch}; expected {epoch}, this node's: "
-                "a resampling or the core's start has been missed, the maps stay as they are",
-            )
-        self._store.adopt(reply.epoch)
-        return False
-
-    def _train(self, minibatches: Minibatches) -> None:
-        """One step of every map, unless a resampling comes in between."""
-        epoch, beams_in_log = minibatches.epoch, minibatches.beams_in_log
-        for particle, beams in zip(self._store.own, minibatches.beams):
-            try:
-                if not self._store.train(particle, epoch, beams, beams_in_log):
-                    return
-            except Exception as error:  # one map's failure must not stop the others
-                rospy.logerr_throttle(
-                    ERROR_PERIOD_S, f"training step of particle {particle} failed: {error!r}"
-                )
-            self._between_steps()
-            if rospy.is_shutdown():
-                return
+            self._training.stop()
 
     # Between two steps
 

@@ -69,13 +69,43 @@ class MapStore:
 
     def train(self, particle: int, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
         """One step of one map on beams [M, 3]; false if the maps are not of that epoch any more."""
+        return self._work(epoch, particle, lambda engine: engine.train_step(beams, beams_in_log))
+
+    def teach(self, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
+        """One step of the teacher on beams [M, 3]; false as above."""
+        return self._work(epoch, None, lambda teacher: teacher.train_step(beams, beams_in_log))
+
+    def behind(self, beams_in_log: int) -> dict[int, int]:
+        """Next beam by particle, of the maps that take in every beam and have not all of them."""
+        next_beams = {particle: engine.next_beam for particle, engine in self._maps.items()}
+        return {particle: first for particle, first in next_beams.items() if first < beams_in_log}
+
+    def take_in(self, particle: int, epoch: int, first: int, beams: np.ndarray) -> bool:
+        """Beams [n, 3] from the log's `first` on into one map; false as above."""
+
+        def work(engine: MapEngine) -> None:
+            if engine.next_beam == first:
+                engine.take_in(beams)
+
+        return self._work(epoch, particle, work)
+
+    def outdated(self) -> list[int]:
+        """Particles whose maps are to be rebuilt."""
+        return [particle for particle, engine in self._maps.items() if engine.outdated]
+
+    def rebuild(self, particle: int, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
+        """One map again, from a sample [n, 3] of the log's beams; false as above."""
+        return self._work(epoch, particle, lambda engine: engine.rebuild(beams, beams_in_log))
+
+    def _work(self, epoch: int, particle: int | None, work: Callable[[MapEngine], None]) -> bool:
+        """A piece of training, between two requests, unless the maps are of another epoch."""
         with self.turn():
             if self._resampling is not None or epoch != self.epoch:
                 return False
-            engine = self._maps[particle]
+            engine = self._factory.teacher if particle is None else self._maps[particle]
             skipped_before = engine.skipped_steps
             try:
-                engine.train_step(beams, beams_in_log)
+                work(engine)
             except Exception:
                 self.skipped_steps += 1
                 raise
@@ -107,7 +137,7 @@ class MapStore:
     def snapshot(self, particle: int) -> MapEngine:
         """An independent copy of a map, which training leaves alone; to be used in one's `turn`."""
         with self.turn():
-            return self._factory.load(self._maps[particle].to_bytes())
+            return self._factory.load_alone(self._maps[particle].to_bytes())
 
     def turn(self) -> ContextManager[None]:
         """To be held while a map is worked with: maps may share their work space."""

@@ -33,13 +33,15 @@ RULES: dict[str, Rule] = {
     "inducing_points": _COUNT,
     "minibatch_size": _COUNT,
     "kernel": _one_of(KERNELS),
-    "optimizer": _one_of(["adam", "natgrad"]),
+    "optimizer": _one_of(["adam", "natgrad", "streaming"]),
     "learning_rate": _above(0.0),
     "natgrad_rate": (lambda value: 0.0 < value <= 1.0, "a number above 0, up to 1"),
     "natgrad_model_period": _COUNT,
     "natgrad_inducing_rate": _above(0.0),
     "natgrad_hyperparameter_rate": _above(0.0),
     "natgrad_cooling_steps": _COUNT,
+    "streaming_tolerance": _above(0.0),
+    "streaming_rebuild_beams": _COUNT,
     "lengthscale_m": _above(FLOORS[0], or_zero=True),
     "outputscale_m2": _above(FLOORS[1]),
     "noise_std_m": _above(SMALLEST_NOISE_STD_M),
@@ -67,6 +69,12 @@ class SvgpConfig:
     natgrad_hyperparameter_rate: float = 0.3  #: first rate of Adam for log ℓ and log o
     #: updates after which these two rates are halved; they fall as 1/t, to a tenth
     natgrad_cooling_steps: int = 50
+    #: one model for all maps of a node: natgrad only
+    shared_hyperparameters: bool = False
+    #: of streaming maps, which take their model over when it has moved by this much: Z in inducing
+    #: pitches (RMS), ℓ, o and σ² as logarithms, c in √o
+    streaming_tolerance: float = 0.1
+    streaming_rebuild_beams: int = 40000  #: drawn from the log for that, if it has more
     #: initial ℓ, m; 0: half of the inducing grid's pitch. One of a whole pitch or two correlates
     #: the inducing points, and Adam then takes about twice as many steps to a given map error
     lengthscale_m: float = 0.0
@@ -87,6 +95,12 @@ class SvgpConfig:
             self._convert(field.name, field.type)
             accepts, expected = RULES.get(field.name, (lambda value: True, ""))
             self._expect(field.name, accepts(getattr(self, field.name)), expected)
+        shares = self.shared_hyperparameters
+        self._expect(
+            "shared_hyperparameters",
+            not shares or self.optimizer == "natgrad",
+            f"false with optimizer {self.optimizer}: natgrad can share, streaming always does",
+        )
 
     @classmethod
     def from_parameters(cls, tree: Mapping[str, Any]) -> "SvgpConfig":

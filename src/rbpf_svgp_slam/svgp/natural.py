@@ -71,3 +71,16 @@ class Site:
         self.precision.mul_(1.0 - rate).add_(G, alpha=rate * o / noise)
         self.shift.mul_(1.0 - rate).add_(Ay, alpha=factor)
         self.shift_one.mul_(1.0 - rate).add_(A_one, alpha=factor)
+
+    def transport(self, T: Tensor, factor: float, shift_factor: float) -> None:
+        """To another model, where the projection of a beam is T [S, S] times what it was here.
+
+        factor, shift_factor: the other model's o/σ² and √o/σ² over this one's.
+        """
+        self.precision = (T @ self.precision @ T.T).mul_(factor)
+        self.shift = torch.mv(T, self.shift).mul_(shift_factor)
+        self.shift_one = torch.mv(T, self.shift_one).mul_(shift_factor)
+
+    def move_reference(self, rise_m: float) -> None:
+        """Depths count from a reference that is lower by this much from now on."""
+        self.shift.add_(self.shift_one, alpha=rise_m)

@@ -11,8 +11,7 @@ from torch import Tensor
 
 from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.kernels import Correlation
-from rbpf_svgp_slam.svgp.parameters import Model, Parameters
-from rbpf_svgp_slam.svgp.prior import Prior
+from rbpf_svgp_slam.svgp.parameters import Model
 
 #: Points predicted at once, which bounds the memory taken.
 CHUNK = 2048
@@ -40,16 +39,9 @@ class Gaussian:
 class Posterior:
     """The seabed's marginals under q; holds until the parameters change."""
 
-    def __init__(self, model: Model, q: Gaussian, kernel: str, jitter: float) -> None:
-        self._model, self._q, self._kernel = model, q, kernel
+    def __init__(self, model: Model, q: Gaussian, kernel: str, L_inverse: Tensor) -> None:
+        self._model, self._q, self._kernel, self._L_inverse = model, q, kernel, L_inverse
         self._lengthscale, self._o, _ = model.hyperparameters()
-        dtype, device = model.flat.dtype, model.flat.device
-        self._L_inverse = Prior(len(q.m), kernel, jitter, dtype, device).factorise(model)
-
-    @classmethod
-    def of(cls, theta: Parameters, kernel: str, jitter: float) -> Posterior:
-        """For Adam's parameters."""
-        return cls(theta, Gaussian.from_root(theta.m, theta.R), kernel, jitter)
 
     def marginals(self, X: Tensor) -> tuple[Tensor, Tensor]:
         """Mean [n], m, less the map's reference, and variance [n], m², at X [n, 2]."""

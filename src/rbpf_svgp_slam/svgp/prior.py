@@ -34,10 +34,20 @@ class Prior:
         self.L_inverse = torch.zeros(shape, dtype=dtype, device=device)
         #: How often the last factorisation had to raise the jitter.
         self.jitter_raises = 0
+        self._stamp: object = None
 
-    def factorise(self, model: Model) -> Tensor:
-        """Return L⁻¹ [S, S] of the model; raises `NotPositiveDefinite`."""
+    def factorise(self, model: Model, stamp: object = None) -> Tensor:
+        """Return L⁻¹ [S, S] of the model; raises `NotPositiveDefinite`.
+
+        If the last call had the same stamp, the model has to be the same, and nothing is done.
+        """
+        if stamp is not None and stamp is self._stamp:
+            self.jitter_raises = 0
+            return self.L_inverse
+        self._stamp = None
         lengthscale, _, _ = model.hyperparameters()
         K = self.correlation.evaluate(model.Z, model.Z, lengthscale).double()
         L, self.jitter_raises = linalg.cholesky(K, self._jitter)
-        return self.L_inverse.copy_(linalg.inverse_of_lower(L, self._double))
+        self.L_inverse.copy_(linalg.inverse_of_lower(L, self._double))
+        self._stamp = stamp
+        return self.L_inverse

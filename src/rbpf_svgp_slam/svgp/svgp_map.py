@@ -6,6 +6,7 @@ import json
 import logging
 import math
 from dataclasses import replace
+from typing import Callable
 
 import numpy as np
 import torch
@@ -14,9 +15,9 @@ from rbpf_svgp_slam.maps.engine import MapEngine
 from rbpf_svgp_slam.svgp import state
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.convergence import Convergence
+from rbpf_svgp_slam.svgp.group import SvgpGroup, make_optimizer
 from rbpf_svgp_slam.svgp.inducing import grid_pitch_m, initial_inducing_points
 from rbpf_svgp_slam.svgp.linalg import NotPositiveDefinite
-from rbpf_svgp_slam.svgp.optimizers import OPTIMIZERS
 from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite
 from rbpf_svgp_slam.svgp.posterior import Posterior
 
@@ -38,27 +39,34 @@ class SvgpMap(MapEngine):
 
     config_class = SvgpConfig
 
-    def __init__(self, config: SvgpConfig, survey_area: np.ndarray) -> None:
-        self._allocate(config)
-        S, model = config.inducing_points, self._optimizer.model
-        pitch_m = grid_pitch_m(survey_area, S)
-        model.Z.copy_(torch.from_numpy(initial_inducing_points(survey_area, S)))
-        model.set_hyperparameters(
-            config.lengthscale_m or 0.5 * pitch_m, config.outputscale_m2, config.noise_std_m**2
-        )
-        self._optimizer.pitch_m = pitch_m
+    @classmethod
+    def make_group(cls, config: SvgpConfig, survey_area: np.ndarray) -> SvgpGroup:
+        streams = config.optimizer == "streaming"
+        learner = replace(config, optimizer="natgrad")
+        return SvgpGroup.for_node(config, cls(learner, survey_area) if streams else None)
 
-    def _allocate(self, config: SvgpConfig) -> None:
+    def __init__(
+        self, config: SvgpConfig, survey_area: np.ndarray, group: SvgpGroup | None = None
+    ) -> None:
+        self._allocate(config, group)
+        S = config.inducing_points
+        pitch_m = grid_pitch_m(survey_area, S)
+        Z = initial_inducing_points(survey_area, S)
+        self._optimizer.start(Z, config.lengthscale_m or 0.5 * pitch_m, pitch_m)
+
+    def _allocate(self, config: SvgpConfig, group: SvgpGroup | None) -> None:
         """Everything but the values of the parameters."""
         if config.device == "cuda" and not torch.cuda.is_available():
             raise ValueError("svgp/device is 'cuda'; expected cpu, torch finds no GPU here")
         self.config = config
-        self._optimizer = OPTIMIZERS[config.optimizer](config)
+        self._group = group or SvgpGroup()
+        self._optimizer = make_optimizer(config, self._group)
         self._convergence = Convergence(
             config.convergence_decay, config.convergence_window, config.convergence_tolerance
         )
-        self._reference_m = math.nan
-        self._posterior = None
+        self._own_reference_m = math.nan
+        self._posterior: Posterior | None = None
+        self._posterior_stamp: object = None
         self.iterations = 0
         self.skipped_steps = 0
         #: How often Kzz wanted a larger jitter than configured.
@@ -66,11 +74,29 @@ class SvgpMap(MapEngine):
 
     @property
     def ready(self) -> bool:
-        return self._convergence.ready
+        return self._judge().ready
 
     @property
     def objective(self) -> float:
-        return self._convergence.average
+        return self._judge().average
+
+    @property
+    def _reference_m(self) -> float:
+        """What this map's depths count from: the model's c is an offset to it."""
+        shared = self._group.shared
+        return self._own_reference_m if shared is None else shared.reference_m
+
+    @_reference_m.setter
+    def _reference_m(self, reference_m: float) -> None:
+        if self._group.shared is None:
+            self._own_reference_m = reference_m
+        else:
+            self._group.shared.reference_m = reference_m
+
+    def _judge(self) -> Convergence:
+        """Of the map that learns this one's model, if that is another."""
+        follows = self.config.optimizer == "streaming" and self._group.teacher is not None
+        return self._group.teacher._convergence if follows else self._convergence
 
     @property
     def noise_variance_m2(self) -> float:
@@ -81,11 +107,39 @@ class SvgpMap(MapEngine):
         return self._optimizer.model.hyperparameters()[1]
 
     def train_step(self, beams: np.ndarray, beams_in_log: int) -> None:
+        if beams_in_log < 1:
+            raise ValueError(f"beams_in_log is {beams_in_log}; expected at least 1")
+        self._step(beams, lambda X, y: self._optimizer.step(X, y, beams_in_log))
+
+    # A map that takes in every beam once
+
+    @property
+    def next_beam(self) -> int | None:
+        return getattr(self._optimizer, "next_beam", None)
+
+    def take_in(self, beams: np.ndarray) -> None:
+        self._step(beams, self._optimizer.fold)
+
+    @property
+    def outdated(self) -> bool:
+        return self._group.teacher is not None and self._optimizer.fixed is not self._group.model()
+
+    def rebuild(self, beams: np.ndarray, beams_in_log: int) -> None:
+        fixed, reference_m = self._group.model(), self._reference_m
+        # The model's c counts from the teacher's reference.
+        self._reference_m = self._group.teacher._reference_m
+        skipped = self.skipped_steps
+        self._step(beams, lambda X, y: self._optimizer.rebuild(fixed, X, y, beams_in_log))
+        if self.skipped_steps > skipped:
+            self._reference_m = reference_m
+
+    def _step(
+        self, beams: np.ndarray, step: Callable[[torch.Tensor, torch.Tensor], float | None]
+    ) -> None:
+        """One step of the optimizer on beams [n, 3], undone and counted if it is not finite."""
         beams = _checked(beams, 3, "beams")
         if len(beams) == 0:
             raise ValueError("beams has shape (0, 3); expected at least one beam")
-        if beams_in_log < 1:
-            raise ValueError(f"beams_in_log is {beams_in_log}; expected at least 1")
         # From the first step on the depths are small numbers, at 10 m of water as at 3000 m.
         reference_m = self._reference_m
         if math.isnan(reference_m):
@@ -95,7 +149,7 @@ class SvgpMap(MapEngine):
         # Denormals, as of the kernel at large distances, take many CPUs far longer than numbers.
         torch.set_flush_denormal(True)
         try:
-            elbo = self._optimizer.step(X, y, beams_in_log)
+            elbo = step(X, y)
         except (NotFinite, NotPositiveDefinite) as error:
             self.skipped_steps += 1
             logger.warning("training step undone, %d so far: %s", self.skipped_steps, error)
@@ -109,11 +163,12 @@ class SvgpMap(MapEngine):
 
     def predict(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         X = self._tensor(_checked(xy, 2, "xy"))
-        if self._posterior is None:
-            optimizer, config = self._optimizer, self.config
+        optimizer = self._optimizer
+        if self._posterior is None or self._posterior_stamp is not optimizer.stamp:
             self._posterior = Posterior(
-                optimizer.model, optimizer.gaussian(), config.kernel, config.jitter
+                optimizer.model, optimizer.gaussian(), self.config.kernel, optimizer.prior_inverse()
             )
+            self._posterior_stamp = optimizer.stamp
         mean, variance = (v.cpu().numpy().astype(float) for v in self._posterior.marginals(X))
         reference_m = 0.0 if math.isnan(self._reference_m) else self._reference_m
         return mean + reference_m, variance
@@ -134,13 +189,15 @@ class SvgpMap(MapEngine):
                 "averages": np.array(convergence.averages, dtype=float),
                 "average_weight": convergence.weight,
                 "raw_average": convergence.raw_average,
-                "ready": convergence.ready,
+                "ready": self.ready,
                 **self._optimizer.arrays(),
             }
         )
 
     @classmethod
-    def from_bytes(cls, data: bytes, config: SvgpConfig | None = None) -> SvgpMap:
+    def from_bytes(
+        cls, data: bytes, config: SvgpConfig | None = None, group: SvgpGroup | None = None
+    ) -> SvgpMap:
         entries = state.decode(data)
         written = _written_config(entries["config"].item())
         config = config or replace(written, device="cpu")
@@ -149,7 +206,7 @@ class SvgpMap(MapEngine):
             if theirs != ours:
                 raise ValueError(f"map was written with svgp/{name} {theirs!r}; expected {ours!r}")
         restored = cls.__new__(cls)
-        restored._allocate(config)
+        restored._allocate(config, group)
         restored._restore(entries)
         return restored
 
@@ -162,7 +219,11 @@ class SvgpMap(MapEngine):
         convergence.weight = entries["average_weight"].item()
         convergence.raw_average = entries["raw_average"].item()
         convergence.ready = entries["ready"].item()
-        self._reference_m = entries["reference_m"].item()
+        reference_m = entries["reference_m"].item()
+        if math.isnan(self._reference_m):
+            self._reference_m = reference_m
+        elif not math.isnan(reference_m):
+            self._optimizer.site.move_reference(reference_m - self._reference_m)
         self.iterations = entries["iterations"].item()
         self.skipped_steps = entries["skipped_steps"].item()
         self.jitter_raises = entries["jitter_raises"].item()

@@ -2,5 +2,6 @@
 
 from rbpf_svgp_slam.svgp.optimizers.adam import AdamOptimizer
 from rbpf_svgp_slam.svgp.optimizers.natgrad import NaturalGradient
+from rbpf_svgp_slam.svgp.optimizers.streaming import Streaming
 
-OPTIMIZERS = {"adam": AdamOptimizer, "natgrad": NaturalGradient}
+OPTIMIZERS = {"adam": AdamOptimizer, "natgrad": NaturalGradient, "streaming": Streaming}

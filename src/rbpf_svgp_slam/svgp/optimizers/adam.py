@@ -14,7 +14,7 @@ from rbpf_svgp_slam.svgp import work_space
 from rbpf_svgp_slam.svgp.adam import Adam
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked
-from rbpf_svgp_slam.svgp.parameters import Parameters
+from rbpf_svgp_slam.svgp.parameters import Model, Parameters
 from rbpf_svgp_slam.svgp.posterior import Gaussian
 
 _thread = threading.local()
@@ -37,9 +37,16 @@ class AdamOptimizer(Optimizer):
 
     def __init__(self, config: SvgpConfig) -> None:
         super().__init__(config)
-        self.theta = self.model = Parameters(config.inducing_points, self.dtype, self.device)
+        self.theta = Parameters(config.inducing_points, self.dtype, self.device)
         self.theta.R.fill_diagonal_(1.0)
         self._adam = Adam(len(self.theta.flat), self.dtype, self.device)
+
+    @property
+    def model(self) -> Model:
+        return self.theta
+
+    def start(self, Z: np.ndarray, lengthscale_m: float, pitch_m: float) -> None:
+        self._start(self.theta, Z, lengthscale_m)
 
     def step(self, X: Tensor, y: Tensor, N: int) -> float:
         objective, gradient = work_space.objective(self.config, len(y)), self._gradient()

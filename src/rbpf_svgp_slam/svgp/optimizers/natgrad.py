@@ -11,165 +11,150 @@ import torch
 from torch import Tensor
 
 from rbpf_svgp_slam.svgp import linalg, work_space
-from rbpf_svgp_slam.svgp.adam import Adam
 from rbpf_svgp_slam.svgp.config import SvgpConfig
-from rbpf_svgp_slam.svgp.natural import Moments, Site
-from rbpf_svgp_slam.svgp.objective import Objective, Residuals
-from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked
-from rbpf_svgp_slam.svgp.parameters import FLOORS, Model
+from rbpf_svgp_slam.svgp.kernels import Correlation
+from rbpf_svgp_slam.svgp.learned_model import LearnedModel
+from rbpf_svgp_slam.svgp.natural import Site
+from rbpf_svgp_slam.svgp.objective import Objective
+from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked, packed, unpack
+from rbpf_svgp_slam.svgp.parameters import Model
 from rbpf_svgp_slam.svgp.posterior import Gaussian
+from rbpf_svgp_slam.svgp.prior import Prior
 
 _thread = threading.local()
-#: Adam's rates fall to this share and no lower: the map has to follow new relief all its life.
-COOLED_SHARE = 0.1
 
 
 class NaturalGradient(Optimizer):
-    """Every step moves q(v) along its natural gradient, every k-th also the model.
+    """Every step moves q(v) along its natural gradient, every k-th also improves the model.
 
     For a Gaussian likelihood the natural-gradient step is an exponential average of the
-    minibatches' sufficient statistics (`Site`); whitening carries q(v) over from one prior to the
-    next. σ² and c have their best values in closed form, Z, ℓ and o are left to Adam, in units
-    that make its rates independent of the survey's: Z in inducing pitches, ℓ and o as logarithms.
+    minibatches' sufficient statistics (`Site`); whitening carries q(v) over from one model to the
+    next. The model may be shared with the node's other maps.
 
-    State: `model` [2S + 4] Z [S, 2], raw ℓ, o, σ² and c; `precision` [S(S + 1)/2] by rows up to
-    the diagonal, `shift` and `shift_one` [S] of the site, in double precision; `adam_first` and
-    `adam_second` [2S + 2] Adam's moments for Z, ℓ and o, and `adam_steps`; `pitch_m`; `steps`
-    taken and `beams_in_log` at the last one.
+    State: `model` [2S + 4] Z [S, 2], raw ℓ, o, σ² and c; `adam_first` and `adam_second` [2S + 2]
+    Adam's moments for Z, ℓ and o, and `adam_steps`; `pitch_m`; `model_steps` of q(v) under this
+    model; `precision` [S(S + 1)/2] by rows up to the diagonal, `shift` and `shift_one` [S] of the
+    site, in double precision; `steps` taken by this map and `beams_in_log` at the last one.
     """
 
     ENTRIES = {
-        "model": ("f", 1),
+        **LearnedModel.ENTRIES,
         "precision": ("f", 1),
         "shift": ("f", 1),
         "shift_one": ("f", 1),
-        "adam_first": ("f", 1),
-        "adam_second": ("f", 1),
-        "adam_steps": ("i", 0),
-        "pitch_m": ("f", 0),
         "steps": ("i", 0),
         "beams_in_log": ("i", 0),
     }
 
-    def __init__(self, config: SvgpConfig) -> None:
+    def __init__(self, config: SvgpConfig, shared: LearnedModel | None = None) -> None:
         super().__init__(config)
-        S = config.inducing_points
-        self.model = Model.zeros(S, self.dtype, self.device)
-        self.site = Site(S, self.device)
-        self._adam = Adam(2 * S + 2, self.dtype, self.device)
+        self._shares = shared is not None
+        self._learned = shared or LearnedModel(config, self.dtype, self.device)
+        self.site = Site(config.inducing_points, self.device)
         self._steps = 0
         self._beams_in_log = 1
 
+    @property
+    def model(self) -> Model:
+        return self._learned.model
+
+    @property
+    def stamp(self) -> object:
+        return self._learned.stamp
+
+    @property
+    def pitch_m(self) -> float:
+        """Spacing of the initial inducing points, m."""
+        return self._learned.pitch_m
+
+    def start(self, Z: np.ndarray, lengthscale_m: float, pitch_m: float) -> None:
+        if self._learned.steps == 0:
+            self._start(self.model, Z, lengthscale_m)
+            self._learned.pitch_m = pitch_m
+
     def step(self, X: Tensor, y: Tensor, N: int) -> float | None:
-        config, M = self.config, len(y)
-        # What a float32 cannot square would poison the averages for good.
+        M, learned = len(y), self._learned
+        # What single precision cannot square would poison the averages for good.
         if not math.isfinite(torch.dot(y, y).item()):
-            raise NotFinite(
-                f"depths of up to {y.abs().max().item():g} m are not finite when squared"
-            )
-        objective, buffers = work_space.objective(config, M), self._buffers(M)
-        objective.prior.factorise(self.model)
+            raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
+        objective, buffers = work_space.objective(self.config, M), self._buffers(M)
+        objective.prior.factorise(self.model, learned.stamp)
         self.jitter_raises = objective.prior.jitter_raises
-        A = objective.project(self.model, X)
-        buffers.A.copy_(A)
+        buffers.A.copy_(objective.project(self.model, X))
         G = linalg.gram(buffers.A, buffers.G).div_(M)
-        Ay, A_one = torch.mv(buffers.A, y.double()) / M, buffers.A.mean(1)
+        Ay, A_one = torch.mv(buffers.A, y.double()).div_(M), buffers.A.mean(1)
         _, o, noise = self.model.hyperparameters()
+        rate = max(self.config.natgrad_rate, 1.0 / (self._steps + 1.0))
         elbo = None
-        if self._steps > 0 and self._steps % config.natgrad_model_period == 0:
-            elbo = self._model_step(objective, buffers, y, N)
-        rate = max(config.natgrad_rate, 1.0 / (self._steps + 1.0))
+        if self._steps > 0 and learned.steps % self.config.natgrad_model_period == 0:
+            elbo = self._model_step(objective, buffers, y, N, rate)
         self.site.replace(rate, G, Ay, A_one, o, noise)
         self._steps += 1
+        learned.steps += 1
         self._beams_in_log = N
         return elbo
 
-    def _model_step(self, objective: Objective, buffers: _Buffers, y: Tensor, N: int) -> float:
-        """Improve Z, ℓ, o, σ² and c on the minibatch just projected; the ELBO before that."""
+    def _model_step(
+        self, objective: Objective, buffers: _Buffers, y: Tensor, N: int, rate: float
+    ) -> float:
+        """Improve the model on the minibatch just projected; returns the ELBO before that."""
         q = self.site.moments(N, self.model.c.item())
         m = q.m.to(self.dtype)
-        buffers.F.copy_(q.F)
-        H = linalg.gram_of_transposed_lower(buffers.F, buffers.H).neg_()
+        H = linalg.gram_of_transposed_lower(buffers.F.copy_(q.F), buffers.H).neg_()
         H.diagonal().add_(1.0)
         G = buffers.G_single.copy_(buffers.G).mul_(len(y))
         residuals = objective.residuals(self.model, y, m, G, H)
         elbo = residuals.expected_log_likelihood - q.kl_divergence / N
-        objective.model_gradients(m, G, H, residuals, buffers.gradient)
-        flat = buffers.gradient.flat
+        flat = buffers.gradient.flat.zero_()
+        if self._learned.learns:
+            objective.model_gradients(m, G, H, residuals, buffers.gradient)
         if not math.isfinite(elbo + torch.dot(flat, flat).item()):
             raise NotFinite(f"ELBO of {elbo:g} nats or its gradient is not finite")
-        self._update_model(buffers.gradient, residuals)
+        if self._learned.learns:
+            self._learned.improve(buffers.gradient, residuals, rate)
         return elbo
 
-    def _update_model(self, gradient: Model, residuals: Residuals) -> None:
-        config, model, S = self.config, self.model, len(self.model.Z)
-        lengthscale, o, noise = values = model.hyperparameters()
-        # ∂/∂(Z/pitch)      ∂/∂log ℓ      ∂/∂log o
-        place = torch.zeros(2 * S + 2, dtype=self.dtype, device=self.device)
-        ascent = torch.cat([gradient.Z.view(-1), gradient.raw[:2]])
-        ascent[: 2 * S].mul_(self.pitch_m if config.learn_inducing_points else 0.0)
-        learns = float(config.learn_hyperparameters)
-        ascent[2 * S] *= lengthscale * learns
-        ascent[2 * S + 1] *= o * learns
-        cooled = max(COOLED_SHARE, 1.0 / (1.0 + self._adam.steps / config.natgrad_cooling_steps))
-        rates = (
-            (2 * S, cooled * config.natgrad_inducing_rate),
-            (2, cooled * config.natgrad_hyperparameter_rate),
-        )
-        self._adam.step(place, ascent, rates)
-        model.Z.view(-1).add_(place[: 2 * S], alpha=self.pitch_m)
-        if not config.learn_hyperparameters:
-            return
-        grow_l, grow_o = (math.exp(step) for step in place[2 * S :].tolist())
-        # σ² = misfit/M and c + Σe/M maximise the ELBO: averaged, as the minibatches vary
-        rate = max(config.natgrad_rate, 1.0 / (self._steps + 1.0))
-        noise += rate * (residuals.misfit / len(residuals.e) - noise)
-        model.c.add_(residuals.e.mean(), alpha=rate)
-        values = lengthscale * grow_l, o * grow_o, noise
-        model.set_hyperparameters(
-            *(max(value, 1.01 * floor) for value, floor in zip(values, FLOORS))
-        )
-
     def gaussian(self) -> Gaussian:
-        q = self._moments()
+        q = self.site.moments(self._beams_in_log, self.model.c.item())
         return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F.to(self.dtype))
 
-    def _moments(self) -> Moments:
-        return self.site.moments(self._beams_in_log, self.model.c.item())
-
     def arrays(self) -> dict[str, np.ndarray]:
-        site, adam, numpy = self.site, self._adam, lambda tensor: tensor.cpu().numpy()
-        lower = np.tril_indices(len(site.shift))
         return {
-            "model": numpy(self.model.flat),
-            "precision": numpy(site.precision)[lower],
-            "shift": numpy(site.shift),
-            "shift_one": numpy(site.shift_one),
-            "adam_first": numpy(adam.first),
-            "adam_second": numpy(adam.second),
-            "adam_steps": np.array(adam.steps),
-            "pitch_m": np.array(self.pitch_m),
+            **self._learned.arrays(),
+            "precision": packed(self.site.precision),
+            "shift": self.site.shift.cpu().numpy(),
+            "shift_one": self.site.shift_one.cpu().numpy(),
             "steps": np.array(self._steps),
             "beams_in_log": np.array(self._beams_in_log),
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        S, site, adam = len(self.site.shift), self.site, self._adam
-        for name, vector in (
-            ("model", self.model.flat),
-            ("shift", site.shift),
-            ("shift_one", site.shift_one),
-            ("adam_first", adam.first),
-            ("adam_second", adam.second),
-        ):
-            vector.copy_(torch.from_numpy(checked(arrays, name, len(vector))))
-        full = np.zeros((S, S))
-        full[np.tril_indices(S)] = checked(arrays, "precision", S * (S + 1) // 2)
-        site.precision.copy_(torch.from_numpy(full + np.tril(full, -1).T))
-        adam.steps = arrays["adam_steps"].item()
-        self.pitch_m = arrays["pitch_m"].item()
+        """A map that shares its model brings it along, or else comes over to what is shared."""
+        S, site = len(self.site.shift), self.site
+        for name, vector in (("shift", site.shift), ("shift_one", site.shift_one)):
+            vector.copy_(torch.from_numpy(checked(arrays, name, S)))
+        unpack(checked(arrays, "precision", S * (S + 1) // 2), site.precision)
         self._steps = arrays["steps"].item()
         self._beams_in_log = arrays["beams_in_log"].item()
+        if self._shares and self._learned.steps > 0:
+            self._come_over(Model(torch.from_numpy(checked(arrays, "model", 2 * S + 4))))
+        else:
+            self._learned.restore(arrays)
+
+    def _come_over(self, old: Model) -> None:
+        """Express what was learned under another model under this one."""
+        new, config = self.model, self.config
+        old, new = (Model(model.flat.to(self.device, torch.float64)) for model in (old, new))
+        args = (config.inducing_points, config.kernel, config.jitter, torch.float64, self.device)
+        old_inverse, new_inverse = Prior(*args).factorise(old), Prior(*args).factorise(new)
+        # f(x) ≈ ρ(x, Z) ρ(Z, Z)⁻¹ f(Z) under the old model, so that with Z', L' of the new one
+        # L'⁻¹ρ'(Z', x) ≈ T·L⁻¹ρ(Z, x)        T = L'⁻¹ ρ'(Z', Z) L⁻ᵀ
+        S, (lengthscale, o, noise) = config.inducing_points, new.hyperparameters()
+        correlation = Correlation(config.kernel, (S, S), torch.float64, self.device)
+        T = new_inverse @ correlation.evaluate(new.Z, old.Z, lengthscale) @ old_inverse.T
+        _, old_o, old_noise = old.hyperparameters()
+        factor = o / noise / (old_o / old_noise)
+        self.site.transport(T, factor, factor * math.sqrt(old_o / o))
 
     def _buffers(self, M: int) -> _Buffers:
         """This thread's work space for minibatches of M; maps share it."""

@@ -12,6 +12,7 @@ from torch import Tensor
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.parameters import Model
 from rbpf_svgp_slam.svgp.posterior import Gaussian
+from rbpf_svgp_slam.svgp.prior import Prior
 
 
 class NotFinite(ArithmeticError):
@@ -19,22 +20,37 @@ class NotFinite(ArithmeticError):
 
 
 class Optimizer(ABC):
-    """The model and q(v) of one map, and what is needed to improve them."""
+    """The model and q(v) of one map, and what is needed to improve them.
+
+    Before the first step q(v) is the prior.
+    """
 
     #: Name of each array of its state: kind of number, dimensions.
     ENTRIES: dict[str, tuple[str, int]]
-    #: Spacing of the initial inducing points, m.
-    pitch_m: float = 1.0
 
-    model: Model
+    #: Index in the log of the first beam not taken in; none: it learns from minibatches.
+    next_beam: int | None = None
     #: How often the last step had to raise the jitter of the inducing points' covariance.
     jitter_raises: int = 0
 
     def __init__(self, config: SvgpConfig) -> None:
-        """Before the first step q(v) is the prior; the model is to be filled in by the caller."""
         self.config = config
         self.dtype = getattr(torch, config.dtype)
         self.device = torch.device(config.device)
+
+    @property
+    @abstractmethod
+    def model(self) -> Model:
+        """To be read; filled in by `start`."""
+
+    @abstractmethod
+    def start(self, Z: np.ndarray, lengthscale_m: float, pitch_m: float) -> None:
+        """Set the initial model: inducing points Z [S, 2], m, ℓ, and their spacing, m."""
+
+    @property
+    def stamp(self) -> object:
+        """Another object whenever the model may have been changed through another map."""
+        return self
 
     @abstractmethod
     def step(self, X: Tensor, y: Tensor, N: int) -> float | None:
@@ -44,9 +60,18 @@ class Optimizer(ABC):
         `NotFinite` or `NotPositiveDefinite` and then leaves everything as it was.
         """
 
+    def fold(self, X: Tensor, y: Tensor) -> None:
+        """Take in the log's next beams X [n, 2], m, y [n], m; raises `NotFinite`."""
+        raise TypeError(f"{type(self).__name__} learns from minibatches")
+
     @abstractmethod
     def gaussian(self) -> Gaussian:
         """q(v) as it stands."""
+
+    def prior_inverse(self) -> Tensor:
+        """L⁻¹ [S, S] of the model as it stands, not to be changed."""
+        config, S = self.config, self.config.inducing_points
+        return Prior(S, config.kernel, config.jitter, self.dtype, self.device).factorise(self.model)
 
     @abstractmethod
     def arrays(self) -> dict[str, np.ndarray]:
@@ -56,6 +81,11 @@ class Optimizer(ABC):
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Take over what `arrays` returned; raises ValueError if it does not fit."""
 
+    def _start(self, model: Model, Z: np.ndarray, lengthscale_m: float) -> None:
+        config = self.config
+        model.Z.copy_(torch.from_numpy(Z))
+        model.set_hyperparameters(lengthscale_m, config.outputscale_m2, config.noise_std_m**2)
+
 
 def checked(arrays: Mapping[str, np.ndarray], name: str, size: int) -> np.ndarray:
     """The array of that name, if it has `size` finite numbers."""
@@ -63,3 +93,15 @@ def checked(arrays: Mapping[str, np.ndarray], name: str, size: int) -> np.ndarra
     if array.size != size or not np.isfinite(array).all():
         raise ValueError(f"map's {name} has {array.size} numbers; expected {size} finite")
     return array
+
+
+def packed(symmetric: Tensor) -> np.ndarray:
+    """Array [S(S + 1)/2] of a symmetric matrix [S, S], by rows up to the diagonal."""
+    return symmetric.cpu().numpy()[np.tril_indices(len(symmetric))]
+
+
+def unpack(array: np.ndarray, symmetric: Tensor) -> None:
+    """Fill a matrix from what `packed` returned."""
+    full = np.zeros(symmetric.shape)
+    full[np.tril_indices(len(full))] = array
+    symmetric.copy_(torch.from_numpy(full + np.tril(full, -1).T))

@@ -1,0 +1,179 @@
+"""What a map node does when nobody asks it for anything: train its maps."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import Callable, Sequence
+
+import rospy
+
+from rbpf_svgp_slam.maps import MapFactory
+from rbpf_svgp_slam.ros.core_client import BeamReader, Beams, MinibatchFeed, Minibatches
+from rbpf_svgp_slam.ros.map_store import RETRY_S, MapStore
+
+# Longest wait for minibatches, after which the node looks after its other duties.
+IDLE_S = 0.1
+ERROR_PERIOD_S = 10.0
+# Beams of each map that are asked for at once.
+BLOCK_BEAMS = 512
+# Largest share of the time that is spent on rebuilding maps.
+REBUILD_SHARE = 0.3
+
+
+class Training(ABC):
+    """Minibatches of this node's epoch, and what is done with them."""
+
+    def __init__(
+        self,
+        store: MapStore,
+        particles: Sequence[int],
+        minibatch_size: int,
+        between_steps: Callable[[], None],
+    ) -> None:
+        """particles: whose minibatches are wanted; between_steps: called where others may work."""
+        self._store = store
+        self._between_steps = between_steps
+        self._feed = MinibatchFeed(particles, minibatch_size, lambda: store.epoch)
+
+    def advance(self) -> None:
+        """A piece of training, or a short wait."""
+        minibatches = self._next_minibatches()
+        if minibatches is not None:
+            self._train(minibatches)
+
+    def stop(self) -> None:
+        """Ask the core for no more."""
+        self._feed.stop()
+
+    @abstractmethod
+    def _train(self, minibatches: Minibatches) -> None:
+        """Use one reply of the core."""
+
+    def _attempt(self, what: str, step: Callable[[], bool]) -> bool:
+        """A step of one map, whose failure must not stop the others; false: the epoch is over."""
+        goes_on = True
+        try:
+            goes_on = step()
+        except Exception as error:
+            rospy.logerr_throttle(ERROR_PERIOD_S, f"{what} failed: {error!r}")
+        self._between_steps()
+        return goes_on and not rospy.is_shutdown()
+
+    def _next_minibatches(self) -> Minibatches | None:
+        """Minibatches of this node's epoch, if there are any at present."""
+        if not self._store.frozen:
+            reply = self._feed.take(IDLE_S)
+            return reply if reply is not None and self._is_current(reply) else None
+        if not self._store.undecided():
+            self._store.wait_while_frozen(IDLE_S)
+            return None
+        # The decision is late or lost. Only an answer to a question asked now tells which.
+        self._feed.refresh()
+        reply = self._feed.take(RETRY_S)
+        outcome = self._store.settle(reply.epoch, reply.resampling) if reply else ""
+        if outcome:
+            rospy.logwarn("a resampling's outcome has not been sent; %s, as the core says", outcome)
+        return None
+
+    def _is_current(self, reply: Minibatches) -> bool:
+        """Beams placed under another epoch are useless; an epoch that stays another is adopted."""
+        epoch = self._store.epoch
+        if reply.epoch == epoch:
+            return True
+        if reply.asked_epoch != epoch or reply.resampling or self._store.frozen:
+            return False
+        if self._store.steps == 0:
+            rospy.loginfo("joining at epoch %d, with new maps", reply.epoch)
+        else:
+            rospy.logerr_throttle(
+                ERROR_PERIOD_S,
+                f"the core is at epoch {reply.epoch}; expected {epoch}, this node's: "
+                "a resampling or the core's start has been missed, the maps stay as they are",
+            )
+        self._store.adopt(reply.epoch)
+        return False
+
+
+class MinibatchTraining(Training):
+    """Every map learns from minibatches of its own, round robin."""
+
+    def __init__(
+        self, store: MapStore, factory: MapFactory, between_steps: Callable[[], None]
+    ) -> None:
+        super().__init__(store, store.own, factory.minibatch_size, between_steps)
+
+    def _train(self, minibatches: Minibatches) -> None:
+        epoch, N = minibatches.epoch, minibatches.beams_in_log
+        for particle, beams in zip(self._store.own, minibatches.beams):
+            if not self._attempt(
+                f"training step of particle {particle}",
+                lambda: self._store.train(particle, epoch, beams, N),
+            ):
+                return
+
+
+class StreamTraining(Training):
+    """Every map takes in every beam once; a teacher learns from minibatches for all of them.
+
+    The teacher's beams are placed by the history of the node's first particle.
+    """
+
+    def __init__(
+        self, store: MapStore, factory: MapFactory, between_steps: Callable[[], None]
+    ) -> None:
+        super().__init__(store, store.own[:1], factory.minibatch_size, between_steps)
+        self._core = BeamReader()
+        self._rebuild_beams = factory.rebuild_beams
+        self._next_rebuild_s = 0.0  # monotonic
+        self._last_rebuilt = -1
+
+    def _train(self, minibatches: Minibatches) -> None:
+        epoch, N = minibatches.epoch, minibatches.beams_in_log
+        teach = lambda: self._store.teach(epoch, minibatches.beams[0], N)  # noqa: E731
+        if self._attempt("training step of the teacher", teach) and self._catch_up(epoch, N):
+            self._rebuild_one(epoch, N)
+
+    def _catch_up(self, epoch: int, N: int) -> bool:
+        """The log's next beams into every map that is behind; false: the epoch is over."""
+        behind = self._store.behind(N)
+        if not behind:
+            return True
+        reply = self._core.read(list(behind), list(behind.values()), BLOCK_BEAMS)
+        if reply is None or reply.epoch != epoch:
+            return False
+        for (particle, first), beams in zip(behind.items(), reply.beams):
+            if len(beams) > 0 and not self._attempt(
+                f"taking in beams of particle {particle}",
+                lambda: self._store.take_in(particle, epoch, first, beams),
+            ):
+                return False
+        return True
+
+    def _rebuild_one(self, epoch: int, N: int) -> None:
+        """One map anew, if the teacher has moved on, and enough time has gone since the last."""
+        start_s = time.monotonic()
+        outdated = self._store.outdated() if start_s >= self._next_rebuild_s else []
+        if not outdated:
+            return
+        # In turn, so that each gets its own.
+        particle = min(outdated, key=lambda p: (p <= self._last_rebuilt, p))
+        self._last_rebuilt = particle
+        sample = self._sample(particle, N)
+        if sample is None or sample.epoch != epoch:
+            return
+        beams = sample.beams[0]
+        whole = N <= self._rebuild_beams
+        represented = len(beams) if whole else sample.beams_in_log
+        self._attempt(
+            f"rebuilding the map of particle {particle}",
+            lambda: self._store.rebuild(particle, epoch, beams, represented),
+        )
+        pause_s = (time.monotonic() - start_s) * (1.0 / REBUILD_SHARE - 1.0)
+        self._next_rebuild_s = time.monotonic() + pause_s
+
+    def _sample(self, particle: int, N: int) -> Beams | None:
+        """All beams of the log, or as many as a rebuild wants of them."""
+        if N <= self._rebuild_beams:
+            return self._core.read([particle], [0], N)
+        return self._core.sample(particle, self._rebuild_beams)

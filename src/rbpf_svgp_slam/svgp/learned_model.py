@@ -1,0 +1,111 @@
+"""A model that is improved in steps which do not depend on the survey's units."""
+
+from __future__ import annotations
+
+import math
+from typing import Mapping
+
+import numpy as np
+import torch
+
+from rbpf_svgp_slam.svgp.adam import Adam
+from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.objective import Residuals
+from rbpf_svgp_slam.svgp.optimizers.optimizer import checked
+from rbpf_svgp_slam.svgp.parameters import FLOORS, Model
+
+#: Adam's rates fall to this share and no lower: the map has to follow new relief all its life.
+COOLED_SHARE = 0.1
+
+
+class LearnedModel:
+    """Z, ℓ and o by Adam, σ² and c in closed form; one map's own, or shared by a node's maps.
+
+    Adam moves Z in pitches of the initial inducing grid and ℓ and o as logarithms, so that the
+    same rates fit an area of 100 m and one of 5 km.
+    """
+
+    def __init__(self, config: SvgpConfig, dtype: torch.dtype, device: torch.device) -> None:
+        self._config = config
+        self.model = Model.zeros(config.inducing_points, dtype, device)
+        self._adam = Adam(2 * config.inducing_points + 2, dtype, device)
+        #: Spacing of the initial inducing points, m: the unit of their steps.
+        self.pitch_m = 1.0
+        #: What depths under this model count from, m; NaN before the first step.
+        self.reference_m = math.nan
+        #: Steps of q(v) taken under it, of all maps that share it.
+        self.steps = 0
+        #: Another object after every change of the model.
+        self.stamp = object()
+
+    @property
+    def learns(self) -> bool:
+        """There is something to improve."""
+        return self._config.learn_inducing_points or self._config.learn_hyperparameters
+
+    def improve(self, gradient: Model, residuals: Residuals, rate: float) -> None:
+        """A step along the gradient, by ℓ, o and σ² themselves; rate: of σ² and c towards the best.
+
+        residuals: of the minibatch that the gradient is of.
+        """
+        config, model, S = self._config, self.model, len(self.model.Z)
+        lengthscale, o, noise = model.hyperparameters()
+        # ∂/∂(Z/pitch)      ∂/∂log ℓ      ∂/∂log o
+        step = torch.zeros_like(self._adam.first)
+        ascent = torch.cat([gradient.Z.view(-1), gradient.raw[:2]])
+        ascent[: 2 * S].mul_(self.pitch_m if config.learn_inducing_points else 0.0)
+        ascent[2 * S] *= lengthscale if config.learn_hyperparameters else 0.0
+        ascent[2 * S + 1] *= o if config.learn_hyperparameters else 0.0
+        self._adam.step(step, ascent, self._rates())
+        model.Z.view(-1).add_(step[: 2 * S], alpha=self.pitch_m)
+        if config.learn_hyperparameters:
+            grow_l, grow_o = step[2 * S :].double().exp().tolist()
+            # σ² = misfit/M and c + Σe/M maximise the ELBO: averaged, since minibatches vary
+            noise += rate * (residuals.misfit / len(residuals.e) - noise)
+            values = zip((lengthscale * grow_l, o * grow_o, noise), FLOORS)
+            model.set_hyperparameters(*(max(value, 1.01 * floor) for value, floor in values))
+            model.c.add_(residuals.e.mean(), alpha=rate)
+        self.stamp = object()
+
+    def _rates(self) -> tuple[tuple[int, float], tuple[int, float]]:
+        """Rates of Z and of log ℓ and log o: they fall as 1/t, so that q(v) can settle."""
+        config = self._config
+        cooled = max(COOLED_SHARE, 1.0 / (1.0 + self._adam.steps / config.natgrad_cooling_steps))
+        return (
+            (2 * len(self.model.Z), cooled * config.natgrad_inducing_rate),
+            (2, cooled * config.natgrad_hyperparameter_rate),
+        )
+
+    #: Of its state; the names are explained at `NaturalGradient`.
+    ENTRIES = {
+        "model": ("f", 1),
+        "adam_first": ("f", 1),
+        "adam_second": ("f", 1),
+        "adam_steps": ("i", 0),
+        "pitch_m": ("f", 0),
+        "model_steps": ("i", 0),
+    }
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Its state, by the names in ENTRIES."""
+        return {
+            "model": self.model.flat.cpu().numpy(),
+            "adam_first": self._adam.first.cpu().numpy(),
+            "adam_second": self._adam.second.cpu().numpy(),
+            "adam_steps": np.array(self._adam.steps),
+            "pitch_m": np.array(self.pitch_m),
+            "model_steps": np.array(self.steps),
+        }
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Take over what `arrays` returned; raises ValueError if it does not fit."""
+        for name, vector in (
+            ("model", self.model.flat),
+            ("adam_first", self._adam.first),
+            ("adam_second", self._adam.second),
+        ):
+            vector.copy_(torch.from_numpy(checked(arrays, name, len(vector))))
+        self._adam.steps = arrays["adam_steps"].item()
+        self.pitch_m = arrays["pitch_m"].item()
+        self.steps = arrays["model_steps"].item()
+        self.stamp = object()

@@ -1,0 +1,162 @@
+"""q(v) in closed form from running sums over all of a particle's beams."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Mapping
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rbpf_svgp_slam.svgp import linalg
+from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.kernels import Correlation
+from rbpf_svgp_slam.svgp.natural import Moments, moments
+from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked, packed, unpack
+from rbpf_svgp_slam.svgp.parameters import Model
+from rbpf_svgp_slam.svgp.posterior import Gaussian
+from rbpf_svgp_slam.svgp.prior import Prior
+
+_thread = threading.local()
+#: Beams folded in at once, which bounds the memory taken.
+BLOCK = 1024
+
+
+class FixedModel:
+    """A model that does not change any more, and its L⁻¹, which all maps under it share."""
+
+    def __init__(self, config: SvgpConfig, flat: Tensor) -> None:
+        self.model = Model(flat.clone())
+        self._config = config
+        self._prior: Prior | None = None
+
+    @property
+    def prior(self) -> Prior:
+        """Factorised in double precision at the first use."""
+        if self._prior is None:
+            config, device = self._config, self.model.flat.device
+            args = (config.inducing_points, config.kernel, config.jitter, torch.float64, device)
+            prior = Prior(*args)
+            prior.factorise(Model(self.model.flat.double()))
+            self._prior = prior
+        return self._prior
+
+
+class Streaming(Optimizer):
+    """Takes in every beam once; for a fixed model q(v) is then exactly the best there is.
+
+    The model comes from another map, which learns it from minibatches. When that has moved on, the
+    sums are to be rebuilt under its new model. Double precision: the sums' condition is that of
+    ρ(Z, Z) squared.
+
+    State: `model` [2S + 4] Z [S, 2], raw ℓ, o, σ² and c; `gram` [S(S + 1)/2], the sum of
+    ρ(Z, x) ρ(x, Z) over all beams, by rows up to the diagonal; `sum_depth` and `sum_one` [S], of
+    ρ(Z, x)·y and ρ(Z, x), all in double precision; `next_beam`, how many of the log's beams
+    these are.
+    """
+
+    ENTRIES = {
+        "model": ("f", 1),
+        "gram": ("f", 1),
+        "sum_depth": ("f", 1),
+        "sum_one": ("f", 1),
+        "next_beam": ("i", 0),
+    }
+
+    def __init__(self, config: SvgpConfig) -> None:
+        super().__init__(config)
+        S, double = config.inducing_points, torch.float64
+        #: The model and what depends on it alone.
+        self.fixed = FixedModel(config, Model.zeros(S, self.dtype, self.device).flat)
+        self._gram = torch.zeros((S, S), dtype=double, device=self.device)
+        self._sum_depth, self._sum_one = torch.zeros((2, S), dtype=double, device=self.device)
+        #: Index in the log of the first beam that has not been taken in.
+        self.next_beam = 0
+
+    @property
+    def model(self) -> Model:
+        return self.fixed.model
+
+    def start(self, Z: np.ndarray, lengthscale_m: float, pitch_m: float) -> None:
+        model = Model.zeros(len(Z), self.dtype, self.device)
+        self._start(model, Z, lengthscale_m)
+        self.fixed = FixedModel(self.config, model.flat)
+
+    def step(self, X: Tensor, y: Tensor, N: int) -> None:
+        raise TypeError("a streaming map takes in the log's beams in their order, no minibatches")
+
+    def fold(self, X: Tensor, y: Tensor) -> None:
+        if not math.isfinite(torch.dot(y, y).item()):
+            raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
+        self._add(X, y)
+        self.next_beam += len(y)
+
+    def rebuild(self, fixed: FixedModel, X: Tensor, y: Tensor, N: int) -> None:
+        """The sums under another model, for the log's first N beams, of which X, y are a sample."""
+        if not math.isfinite(torch.dot(y, y).item()):
+            raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
+        self.fixed = fixed
+        for sums in (self._gram, self._sum_depth, self._sum_one):
+            sums.zero_()
+        self._add(X, y)
+        for sums in (self._gram, self._sum_depth, self._sum_one):
+            sums.mul_(N / len(y))
+        self.next_beam = N
+
+    def gaussian(self) -> Gaussian:
+        q = self.moments()
+        return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F.to(self.dtype))
+
+    def moments(self) -> Moments:
+        """q(v) under the fixed model: Λ = I + o/σ²·L⁻¹ΣρρᵀL⁻ᵀ, Λm = √o/σ²·L⁻¹Σρ(y − c)."""
+        _, o, noise = self.model.hyperparameters()
+        L_inverse = self.fixed.prior.L_inverse
+        half = linalg.product_with_lower(L_inverse, self._gram, torch.empty_like(self._gram))
+        white = linalg.product_with_lower(L_inverse, half.T, torch.empty_like(half))
+        shift = torch.mv(L_inverse, self._sum_depth - self.model.c.item() * self._sum_one)
+        return moments(white.mul_(o / noise), shift.mul_(math.sqrt(o) / noise), 1.0)
+
+    def prior_inverse(self) -> Tensor:
+        return self.fixed.prior.L_inverse.to(self.dtype)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        return {
+            "model": self.model.flat.cpu().numpy(),
+            "gram": packed(self._gram),
+            "sum_depth": self._sum_depth.cpu().numpy(),
+            "sum_one": self._sum_one.cpu().numpy(),
+            "next_beam": np.array(self.next_beam),
+        }
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        S, model = len(self._sum_one), Model.zeros(len(self._sum_one), self.dtype, self.device)
+        for name, vector in (
+            ("model", model.flat),
+            ("sum_depth", self._sum_depth),
+            ("sum_one", self._sum_one),
+        ):
+            vector.copy_(torch.from_numpy(checked(arrays, name, len(vector))))
+        unpack(checked(arrays, "gram", S * (S + 1) // 2), self._gram)
+        self.fixed = FixedModel(self.config, model.flat)
+        self.next_beam = arrays["next_beam"].item()
+
+    def _add(self, X: Tensor, y: Tensor) -> None:
+        lengthscale = self.model.hyperparameters()[0]
+        for X_part, y_part in zip(X.split(BLOCK), y.split(BLOCK)):
+            correlation, product = self._buffers(len(y_part))
+            rho = correlation.evaluate(self.model.Z, X_part, lengthscale).double()
+            # Single precision in ρ itself is harmless: the sum of any ρρᵀ is positive.
+            self._gram.add_(linalg.gram(rho, product))
+            self._sum_depth.add_(torch.mv(rho, y_part.double()))
+            self._sum_one.add_(rho.sum(1))
+
+    def _buffers(self, n: int) -> tuple[Correlation, Tensor]:
+        """This thread's work space for n beams; maps share it."""
+        S, key = self.config.inducing_points, (self.config, n, self.dtype, self.device)
+        if getattr(_thread, "key", None) != key:
+            _thread.correlation = Correlation(self.config.kernel, (S, n), self.dtype, self.device)
+            _thread.product = torch.empty((S, S), dtype=torch.float64, device=self.device)
+            _thread.key = key
+        return _thread.correlation, _thread.product

@@ -1,0 +1,220 @@
+"""Maps that take in every beam once, and maps that share their model."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from svgp_reference import random_beams, random_parameters, set_optimal_q
+
+from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.svgp import linalg
+from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite
+from rbpf_svgp_slam.svgp.optimizers.streaming import FixedModel, Streaming
+from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
+
+AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
+JITTER = 1e-2
+DOUBLE = SvgpConfig(inducing_points=25, optimizer="streaming", jitter=JITTER, dtype="float64")
+SMALL = SvgpConfig(inducing_points=64, minibatch_size=200, optimizer="streaming")
+
+kernels = pytest.mark.parametrize("kernel", ["matern12", "matern32", "matern52"])
+
+
+def streaming(theta, **changes):
+    """A Streaming under the model of theta, without a beam."""
+    config = replace(DOUBLE, **changes)
+    optimizer = Streaming(config)
+    optimizer.fixed = FixedModel(config, theta.model)
+    return optimizer
+
+
+def assert_optimal(optimizer, theta, X, y, kernel="matern12"):
+    set_optimal_q(theta, X, y, kernel, JITTER)
+    q = optimizer.gaussian()
+    # Rounding in double precision, of matrices with a condition of up to S/JITTER.
+    torch.testing.assert_close(q.m, theta.m, rtol=1e-8, atol=1e-9)
+    torch.testing.assert_close(q.factor.T @ q.factor, theta.R @ theta.R.T, rtol=1e-8, atol=1e-9)
+
+
+def terrain(n, seed=0):
+    """Beams [n, 3] float32 over AREA: two waves and noise of 0.1 m."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(-15.0, 15.0, (n, 2))
+    z = np.sin(xy[:, 0] / 4.0) + np.cos(xy[:, 1] / 5.0) - 30.0
+    return np.column_stack([xy, z + 0.1 * rng.standard_normal(n)]).astype(np.float32)
+
+
+def factory_for(config):
+    parameters = SimpleNamespace(
+        map=SimpleNamespace(engine="svgp"), survey_area=AREA, svgp=config.as_dict()
+    )
+    return make_factory(parameters)
+
+
+def train(engine, beams, steps, seed=1):
+    rng = np.random.default_rng(seed)
+    for _ in range(steps):
+        engine.train_step(beams[rng.integers(0, len(beams), 200)], len(beams))
+
+
+@kernels
+def test_every_beam_folded_in_once_gives_the_optimum(kernel):
+    theta, (X, y) = random_parameters(25, 3), random_beams(2500, 3)
+    optimizer = streaming(theta, kernel=kernel)
+    for start, end in ((0, 1), (1, 600), (600, 2500)):  # one block is longer than the work space's
+        assert optimizer.next_beam == start
+        optimizer.fold(X[start:end], y[start:end])
+    assert optimizer.next_beam == 2500
+    assert_optimal(optimizer, theta, X, y, kernel)
+
+
+def test_rebuilding_is_folding_under_the_new_model():
+    theta, other = random_parameters(25, 3), random_parameters(25, 4)
+    X, y = random_beams(800, 3)
+    optimizer = streaming(theta)
+    optimizer.fold(X, y)
+    optimizer.rebuild(FixedModel(optimizer.config, other.model), X, y, len(y))
+    assert optimizer.next_beam == 800
+    more_X, more_y = random_beams(50, 9)
+    optimizer.fold(more_X, more_y)
+    assert_optimal(optimizer, other, torch.cat([X, more_X]), torch.cat([y, more_y]))
+
+
+def test_a_sample_stands_for_the_whole_log():
+    theta, (X, y) = random_parameters(25, 3), random_beams(100, 3)
+    optimizer = streaming(theta)
+    optimizer.rebuild(optimizer.fixed, X, y, 300)
+    assert optimizer.next_beam == 300
+    assert_optimal(optimizer, theta, X.repeat(3, 1), y.repeat(3))
+
+
+def test_beams_that_are_not_finite_change_nothing():
+    theta, (X, y) = random_parameters(25, 3), random_beams(100, 3)
+    optimizer = streaming(theta)
+    optimizer.fold(X, y)
+    before = optimizer.arrays()
+    bad = y.clone()
+    bad[3] = 1e200
+    other = FixedModel(optimizer.config, random_parameters(25, 4).model)
+    for attempt in (
+        lambda: optimizer.fold(X, bad),
+        lambda: optimizer.rebuild(other, X, bad, 100),
+    ):
+        with pytest.raises(NotFinite):
+            attempt()
+        for name, array in optimizer.arrays().items():
+            np.testing.assert_array_equal(array, before[name], err_msg=name)
+
+
+def test_a_streaming_map_refuses_minibatches_and_others_refuse_to_stream():
+    with pytest.raises(TypeError, match="takes in the log's beams in their order"):
+        SvgpMap(SMALL, AREA).train_step(terrain(5), 5)
+    learner = SvgpMap(replace(SMALL, optimizer="natgrad"), AREA)
+    assert learner.next_beam is None
+    with pytest.raises(TypeError, match="learns from minibatches"):
+        learner.take_in(terrain(5))
+
+
+def test_a_node_of_streaming_maps():
+    factory, beams = factory_for(SMALL), terrain(20000)
+    one, other = factory.create(), factory.create()
+    train(factory.teacher, beams, 60)
+    assert one.outdated
+    one.rebuild(beams[:3000], 3000)
+    other.rebuild(beams[:3000], 3000)
+    assert not one.outdated
+    assert one._optimizer.fixed is other._optimizer.fixed  # L is computed once
+    for start in range(3000, 20000, 1000):
+        one.take_in(beams[start : start + 1000])
+    assert (one.next_beam, other.next_beam) == (20000, 3000)
+    truth = terrain(2000, seed=5)
+
+    def rmse(engine):
+        return np.sqrt(np.mean((engine.predict(truth[:, :2])[0] - truth[:, 2]) ** 2))
+
+    # The beams' noise is 0.1 m.
+    assert rmse(one) < min(0.115, rmse(other))
+    assert rmse(one) < 1.01 * rmse(factory.teacher)
+    # Readiness is the teacher's, and travels with a copy that stands alone.
+    train(factory.teacher, beams, 300)
+    assert factory.teacher.ready and one.ready
+    assert one.objective == factory.teacher.objective
+    copy = factory.load_alone(one.to_bytes())
+    assert copy.ready and not copy.outdated
+    np.testing.assert_array_equal(copy.predict(truth[:9, :2]), one.predict(truth[:9, :2]))
+    # A copy of the same node follows the same teacher.
+    assert factory.load(one.to_bytes()).outdated
+
+
+def test_a_rebuild_from_a_sample_costs_less_than_two_percent():
+    beams, truth = terrain(60000), terrain(3000, seed=5)
+    truth[:, 2] = np.sin(truth[:, 0] / 4.0) + np.cos(truth[:, 1] / 5.0) - 30.0
+    factory = factory_for(SMALL)
+    train(factory.teacher, beams, 100)
+    errors = []
+    for sample in (60000, 100 * SMALL.inducing_points):
+        engine = factory.create()
+        engine.rebuild(beams[:sample], len(beams))
+        errors.append(np.std(engine.predict(truth[:, :2])[0] - truth[:, 2]))
+    # Without the noise of the test beams, which would hide it: σ²·S/n = 1 % of the noise variance.
+    noise = np.sqrt(factory.teacher.noise_variance_m2)
+    assert np.hypot(errors[1], noise) < 1.02 * np.hypot(errors[0], noise)
+
+
+# One model for a node's maps
+
+
+SHARED = replace(SMALL, optimizer="natgrad", shared_hyperparameters=True, natgrad_model_period=10)
+
+
+def test_maps_that_share_their_model_factorise_it_once(monkeypatch):
+    factory, beams, calls = factory_for(SHARED), terrain(5000), []
+    cholesky = linalg.cholesky
+    monkeypatch.setattr(linalg, "cholesky", lambda *args: calls.append(1) or cholesky(*args))
+    maps, rng = [factory.create() for _ in range(5)], np.random.default_rng(0)
+    for _ in range(60):
+        for engine in maps:
+            engine.train_step(beams[rng.integers(0, 5000, 200)], 5000)
+    # 300 steps, of which every tenth changed the model for all
+    assert len(calls) == 30
+    truth = terrain(1000, seed=3)
+    means = [engine.predict(truth[:, :2])[0] for engine in maps]
+    for mean in means:
+        assert np.sqrt(np.mean((mean - truth[:, 2]) ** 2)) < 0.2
+    assert not np.allclose(means[0], means[1])  # each has its own q(v)
+
+
+def test_predictions_follow_a_model_that_another_map_has_moved():
+    factory, beams = factory_for(replace(SHARED, natgrad_model_period=1)), terrain(5000)
+    one, other = factory.create(), factory.create()
+    train(one, beams, 5)
+    before = one.predict(beams[:5, :2])[0]
+    train(other, beams, 5)
+    after = one.predict(beams[:5, :2])[0]
+    assert not np.array_equal(before, after)
+    # as a copy with the model of that moment, which then is left alone
+    alone = factory.load_alone(one.to_bytes())
+    np.testing.assert_array_equal(alone.predict(beams[:5, :2])[0], after)
+    train(other, beams, 5)
+    np.testing.assert_array_equal(alone.predict(beams[:5, :2])[0], after)
+
+
+def test_a_map_from_another_node_takes_over_this_nodes_model():
+    here, there, beams = factory_for(SHARED), factory_for(SHARED), terrain(5000)
+    local, remote = here.create(), there.create()
+    train(local, beams, 200, seed=1)
+    train(remote, beams, 200, seed=2)
+    arrived = here.load(remote.to_bytes())
+    assert arrived._optimizer.model is local._optimizer.model
+    truth = terrain(1000, seed=3)
+
+    def rmse(engine):
+        return np.sqrt(np.mean((engine.predict(truth[:, :2])[0] - truth[:, 2]) ** 2))
+
+    # What it learned under another model is expressed under this one, and not lost.
+    assert rmse(arrived) < 1.2 * rmse(remote)
+    train(arrived, beams, 30)
+    assert rmse(arrived) < 1.05 * rmse(remote)
