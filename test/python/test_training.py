@@ -1,0 +1,178 @@
+"""The training of a node's maps, with a core that is a log and an epoch."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rospy import rostime
+
+from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.ros import training
+from rbpf_svgp_slam.ros.core_client import Beams, Minibatches
+from rbpf_svgp_slam.ros.map_store import MapStore
+from rbpf_svgp_slam.ros.training import MinibatchTraining, StreamTraining
+from rbpf_svgp_slam.svgp.config import SvgpConfig
+
+AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
+CONFIG = SvgpConfig(inducing_points=30, minibatch_size=100, streaming_rebuild_beams=2500)
+
+
+class Core:
+    """Answers as the core does; particle j sees everything shifted by j cm."""
+
+    def __init__(self):
+        rng = np.random.default_rng(0)
+        xy = rng.uniform(-15.0, 15.0, (20000, 2))
+        z = np.sin(xy[:, 0] / 4.0) - 30.0 + 0.1 * rng.standard_normal(20000)
+        self.log = np.column_stack([xy, z]).astype(np.float32)
+        self.N, self.epoch, self.rng = 0, 0, rng
+        self.samples, self.reads, self.gone = [], [], False
+
+    def placed(self, particle, indices):
+        return self.log[indices] + np.float32([0.01 * particle, 0.0, 0.0])
+
+    # MinibatchFeed
+    def take(self, timeout_s):
+        beams = [self.placed(j, self.rng.integers(0, self.N, self.size)) for j in self.particles]
+        return Minibatches(self.epoch, self.epoch, False, self.N, np.array(beams))
+
+    def refresh(self):
+        pass
+
+    # BeamReader
+    def read(self, particles, first, size):
+        self.reads.append(list(particles))
+        if self.gone:
+            return None
+        parts = [
+            self.placed(j, np.arange(start, min(start + size, self.N)))
+            for j, start in zip(particles, first)
+        ]
+        return Beams(self.epoch, self.N, parts)
+
+    def sample(self, particle, size):
+        self.samples.append(size)
+        return Beams(
+            self.epoch, self.N, [self.placed(particle, self.rng.integers(0, self.N, size))]
+        )
+
+
+@pytest.fixture
+def core(monkeypatch):
+    rostime.switch_to_wallclock()  # for throttled messages, without a node
+    core = Core()
+
+    def feed(particles, size, epoch):
+        core.particles, core.size = list(particles), size
+        return core
+
+    monkeypatch.setattr(training, "MinibatchFeed", feed)
+    monkeypatch.setattr(training, "BeamReader", lambda: core)
+    monkeypatch.setattr(training, "REBUILD_SHARE", 1.0)  # no pauses
+    return core
+
+
+def make(training_class, optimizer, particles=3):
+    parameters = SimpleNamespace(
+        map=SimpleNamespace(engine="svgp"),
+        survey_area=AREA,
+        svgp={**CONFIG.as_dict(), "optimizer": optimizer},
+    )
+    factory = make_factory(parameters)
+    store = MapStore(0, particles, 1, factory)
+    return store, factory, training_class(store, factory, lambda: None)
+
+
+def test_minibatches_train_every_map_in_turn(core):
+    store, _, node = make(MinibatchTraining, "natgrad")
+    core.N = 5000
+    for _ in range(4):
+        node.advance()
+    assert core.particles == [0, 1, 2]
+    assert [engine.iterations for engine in store.maps().values()] == [4, 4, 4]
+    assert store.steps == 12
+
+
+def test_a_map_that_fails_does_not_stop_the_others(core, monkeypatch):
+    store, _, node = make(MinibatchTraining, "natgrad")
+    core.N = 5000
+    monkeypatch.setattr(store.maps()[1], "train_step", lambda *args: 1 / 0)
+    node.advance()
+    assert [store.maps()[j].iterations for j in range(3)] == [1, 0, 1]
+    assert store.skipped_steps == 1
+
+
+def test_streaming_maps_take_in_all_beams_of_their_own_particle_once(core):
+    store, factory, node = make(StreamTraining, "streaming")
+    for core.N in (100, 1000, 2200):
+        for _ in range(6):
+            node.advance()
+    assert core.particles == [0]  # the teacher's
+    assert factory.teacher.iterations == 18
+    for j, engine in store.maps().items():
+        assert engine.next_beam == 2200
+        alone = factory.create()
+        alone.rebuild(core.placed(j, np.arange(2200)), 2200)
+        if engine._optimizer.fixed is alone._optimizer.fixed:
+            # Sums in another order, of correlations in single precision.
+            mean, _ = engine.predict(core.log[:50, :2])
+            np.testing.assert_allclose(mean, alone.predict(core.log[:50, :2])[0], atol=1e-3)
+    assert core.samples == []  # the log is short enough to be taken whole
+
+
+def test_maps_are_rebuilt_in_turn_and_from_a_sample_of_a_long_log(core):
+    store, factory, node = make(StreamTraining, "streaming")
+    core.N = 20000
+    for _ in range(20):
+        node.advance()
+    assert set(core.samples) == {2500}
+    # 20 rebuilds over 3 maps, and blocks: a rebuilt map has the whole log at once
+    assert all(engine.next_beam == 20000 for engine in store.maps().values())
+    for _ in range(60):
+        factory.teacher.train_step(core.placed(0, core.rng.integers(0, 20000, 100)), 20000)
+    assert len(store.outdated()) == 3
+    node.advance()
+    assert len(store.outdated()) < 3
+
+
+def test_beams_of_another_epoch_are_not_taken_in(core):
+    store, _, node = make(StreamTraining, "streaming")
+    core.N = 1000
+    node.advance()
+    before = {j: engine.next_beam for j, engine in store.maps().items()}
+    core.N = 2000
+    read = core.read
+
+    def overtaken(particles, first, size):
+        core.epoch = 1
+        return read(particles, first, size)
+
+    core.read = overtaken
+    node.advance()
+    assert {j: engine.next_beam for j, engine in store.maps().items()} == before
+
+
+def test_a_core_that_does_not_answer_costs_nothing(core):
+    store, factory, node = make(StreamTraining, "streaming")
+    core.N, core.gone = 1000, True
+    for _ in range(3):
+        node.advance()
+    assert factory.teacher.iterations == 3
+    core.gone = False
+    for _ in range(4):
+        node.advance()
+    assert all(engine.next_beam == 1000 for engine in store.maps().values())
+
+
+def test_a_copy_goes_on_where_its_ancestor_was(core):
+    store, _, node = make(StreamTraining, "streaming")
+    core.N = 512
+    node.advance()
+    store.prepare(1, [0, 0, 2], lambda epoch, wanted: {}, 1.0)
+    assert store.frozen
+    store.commit(1)
+    core.epoch = 1
+    core.N = 1500
+    for _ in range(3):
+        node.advance()
+    assert [engine.next_beam for engine in store.maps().values()] == [1500] * 3
