@@ -59,7 +59,7 @@ class Core:
 
 @pytest.fixture
 def core(monkeypatch):
-    rostime.switch_to_wallclock()  # for throttled messages, without a node
+    rostime.set_rostime_initialized(True)  # for throttled messages, without a node
     core = Core()
 
     def feed(particles, size, epoch):

@@ -71,8 +71,8 @@ class Surveys(unittest.TestCase):
         cls.bag = path / "survey.bag"
         simulate = ["rosrun", "rbpf_svgp_slam", "simulate_survey.py", "--mission", "demo"]
         subprocess.run([*simulate, "--scale", "0.1", "--out", cls.bag], check=True)
-        cls.config = path / "small.yaml"
-        cls.config.write_text(yaml.safe_dump(SMALL))
+        cls.small = path / "small.yaml"
+        cls.small.write_text(yaml.safe_dump(SMALL))
         cls.survey = path / "survey.survey.yaml"
 
     @classmethod
@@ -80,6 +80,7 @@ class Surveys(unittest.TestCase):
         cls.folder.cleanup()
 
     def setUp(self):
+        self.config = self.small
         self.out = Path(self.folder.name) / self.id().rsplit(".", 1)[-1]
         # the master is common to all cases; parameters of one must not be seen by the next
         master = rosgraph.Master("/test_surveys")
@@ -136,6 +137,24 @@ class Surveys(unittest.TestCase):
             ).group(1)
         )
         self.assertEqual(report["pings"], pings)
+
+    def test_every_way_to_learn(self):
+        for name, changes in (
+            ("natgrad", {"optimizer": "natgrad"}),
+            ("shared", {"optimizer": "natgrad", "shared_hyperparameters": True}),
+            ("streaming", {"optimizer": "streaming"}),
+        ):
+            with self.subTest(name):
+                self.out = Path(self.folder.name) / name
+                self.config = Path(self.folder.name) / f"{name}.yaml"
+                svgp = {**SMALL["svgp"], **changes}
+                self.config.write_text(yaml.safe_dump({**SMALL, "svgp": svgp}))
+                args = [f"bag:={self.bag}", *self.common_args()]
+                status, output = launch("offline.launch", *args)
+                self.assertEqual(status, 0, output)
+                report = self.check_run_folder(output)
+                self.assertGreater(report["resamplings"], 0, output)
+                self.assertNotRegex(output, "failed|refused|undone")
 
     def test_live_until_saved(self):
         running = subprocess.Popen(
