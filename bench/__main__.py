@@ -20,6 +20,8 @@ SECTIONS = {
     "svgp.time_to_rmse": "bench.svgp.time_to_rmse",
     "svgp.online": "bench.svgp.online",
     "svgp.two_nodes": "bench.svgp.two_nodes",
+    "svgp.scales": "bench.svgp.scales",
+    "svgp.streaming": "bench.svgp.streaming",
 }
 
 
