@@ -69,6 +69,7 @@ def core(monkeypatch):
     monkeypatch.setattr(training, "MinibatchFeed", feed)
     monkeypatch.setattr(training, "BeamReader", lambda: core)
     monkeypatch.setattr(training, "REBUILD_SHARE", 1.0)  # no pauses
+    monkeypatch.setattr(training, "READ_PERIOD_S", 0.0)
     return core
 
 

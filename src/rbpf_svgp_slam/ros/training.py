@@ -16,7 +16,9 @@ from rbpf_svgp_slam.ros.map_store import RETRY_S, MapStore
 IDLE_S = 0.1
 ERROR_PERIOD_S = 10.0
 # Beams of each map that are asked for at once.
-BLOCK_BEAMS = 512
+BLOCK_BEAMS = 1024
+# Time between two questions for new beams: a block costs more, per beam, the shorter it is.
+READ_PERIOD_S = 0.5
 # Largest share of the time that is spent on rebuilding maps.
 REBUILD_SHARE = 0.3
 
@@ -125,7 +127,8 @@ class StreamTraining(Training):
         super().__init__(store, store.own[:1], factory.minibatch_size, between_steps)
         self._core = BeamReader()
         self._rebuild_beams = factory.rebuild_beams
-        self._next_rebuild_s = 0.0  # monotonic
+        self._next_read_s = 0.0  # monotonic, as the next
+        self._next_rebuild_s = 0.0
         self._last_rebuilt = -1
 
     def _train(self, minibatches: Minibatches) -> None:
@@ -136,9 +139,11 @@ class StreamTraining(Training):
 
     def _catch_up(self, epoch: int, N: int) -> bool:
         """The log's next beams into every map that is behind; false: the epoch is over."""
-        behind = self._store.behind(N)
+        behind = self._store.behind(N) if time.monotonic() >= self._next_read_s else {}
         if not behind:
             return True
+        if N - min(behind.values()) <= BLOCK_BEAMS:  # or else the rest is asked for at once
+            self._next_read_s = time.monotonic() + READ_PERIOD_S
         reply = self._core.read(list(behind), list(behind.values()), BLOCK_BEAMS)
         if reply is None or reply.epoch != epoch:
             return False
