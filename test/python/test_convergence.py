@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from rbpf_svgp_slam.svgp.convergence import HYSTERESIS, Convergence
+from rbpf_svgp_slam.svgp.convergence import HYSTERESIS, MATURE_WEIGHT, Convergence
 
 
 def run(values, decay=0.95, window=50, tolerance=0.1):
@@ -101,3 +103,38 @@ def test_hysteresis_keeps_a_map_near_the_tolerance_from_flickering():
     assert not ready.any()
     ready, _ = run(np.concatenate([np.zeros(100), HYSTERESIS * near]))
     assert not ready[200:].any()
+
+
+def slow_reference(values, decay, window, tolerance):
+    """Readiness after each value, every average summed up anew from all values so far."""
+    averages, ready = [], []
+    for n in range(1, len(values) + 1):
+        weights = decay ** np.arange(n)[::-1]
+        if (1.0 - decay) * weights.sum() > MATURE_WEIGHT:
+            averages.append(weights @ values[:n] / weights.sum())
+        change = math.inf
+        if len(averages) > window:
+            then, now = averages[-1 - window], averages[-1]
+            change = abs(now - then) / max(1.0, abs(now))
+        bound = tolerance * (HYSTERESIS if ready and ready[-1] else 1.0)
+        ready.append(change < bound)
+    return ready
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    decay=st.sampled_from([0.5, 0.9, 0.97]),
+    window=st.integers(1, 40),
+    tolerance=st.sampled_from([0.01, 0.1, 0.5]),
+)
+@settings(max_examples=40, deadline=None)
+def test_equals_a_slow_reference(seed, decay, window, tolerance):
+    rng = np.random.default_rng(seed)
+    # Learned, disturbed by new relief, learned again; a falling stretch; noise as of minibatches.
+    values = learning(250, start=rng.uniform(-30, -1), time_constant=rng.uniform(5, 60))
+    bump = int(rng.integers(60, 200))
+    values[bump:] -= rng.uniform(0, 4) * np.exp(-np.arange(250 - bump) / rng.uniform(5, 40))
+    values[200:] -= rng.choice([0.0, 0.05]) * np.arange(50)
+    values += 0.03 * rng.standard_normal(250)
+    ready, _ = run(values, decay, window, tolerance)
+    assert list(ready) == slow_reference(values, decay, window, tolerance)
