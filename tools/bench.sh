@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs the benchmarks, prints a table, and writes DIR/bench.json and figures.
 #   tools/bench.sh [DIR] [--only SECTION ...]     DIR: out/bench by default
-# The first run fetches about 3 GB from PyPI: GPyTorch, to race against.
+# The first run installs GPyTorch, to race against, from PyPI: 6 GB in build/bench.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tools/setup.sh --bench

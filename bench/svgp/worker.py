@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from typing import Any
 
 import numpy as np
 import torch
 
 from bench.svgp import channel
+from bench.svgp.trainers import MinibatchTrainer, StreamTrainer
 
 
 def main() -> None:
@@ -35,13 +35,11 @@ class Worker:
     """A map and the log that its minibatches are drawn from."""
 
     def __init__(self, request: dict[str, np.ndarray]) -> None:
-        """request: see `contestants.Survey.request`."""
-        self._beams = request["beams"].astype(np.float32)  # [N, 3] x, y, z in order of arrival, m
+        """request: see `contestants.race_request`."""
+        self._beams_in_log = len(request["beams"])
         self._arrival_s = request["arrival_s"]  # [N]
         self._M = request["minibatch_size"].item()
-        # every contestant draws the same minibatches
-        self._rng = np.random.default_rng(request["seed"].item())
-        self._map = _make_map(request)
+        self._trainer = _make_trainer(request)
 
     def versions(self) -> dict[str, str]:
         """Of the libraries that do the work."""
@@ -50,7 +48,8 @@ class Worker:
 
     def train(self, steps: np.ndarray) -> dict[str, np.ndarray]:
         """Wall time of each of so many steps on the whole log, s."""
-        return {"step_s": np.array([self._step(len(self._beams)) for _ in range(steps)])}
+        advance, N = self._trainer.advance, self._beams_in_log
+        return {"step_s": np.array([advance(N) for _ in range(steps)])}
 
     def train_until(
         self, clock_s: np.ndarray, end_s: np.ndarray, training_share: np.ndarray
@@ -62,43 +61,39 @@ class Worker:
         clock_s, steps = clock_s.item(), 0
         while clock_s < end_s:
             arrived = int(np.searchsorted(self._arrival_s, clock_s, side="right"))
-            clock_s += self._step(max(arrived, self._M)) / training_share.item()
+            clock_s += self._trainer.advance(max(arrived, self._M)) / training_share.item()
             steps += 1
         return {"clock_s": np.array(clock_s), "steps": np.array(steps)}
 
     def look(self, xy: np.ndarray) -> dict[str, Any]:
         """Latent mean [n], m, and variance [n], m², at [n, 2]; m [S], T [S, S] and σ², m²."""
-        mean, variance = self._map.predict(xy)
-        m, T = _variational_parameters(self._map)
-        noise = self._map.noise_variance_m2
+        engine = self._trainer.map
+        mean, variance = engine.predict(xy)
+        m, T = _variational_parameters(engine)
+        noise = engine.noise_variance_m2
         return {"mean": mean, "variance": variance, "m": m, "T": T, "noise_variance_m2": noise}
 
-    def _step(self, arrived: int) -> float:
-        """Wall time of one step on the first `arrived` beams; drawing them does not count."""
-        beams = self._beams[self._rng.integers(0, arrived, self._M)]
-        started_s = time.perf_counter()
-        self._map.train_step(beams, arrived)
-        return time.perf_counter() - started_s
 
-
-def _make_map(request: dict[str, np.ndarray]) -> Any:
-    engine = request["engine"].item()
+def _make_trainer(request: dict[str, np.ndarray]) -> MinibatchTrainer:
+    engine, M = request["engine"].item(), request["minibatch_size"].item()
+    # every contestant draws the same minibatches
+    log = request["beams"], M, np.random.default_rng(request["seed"].item())
     names = ("lengthscale_m", "outputscale_m2", "noise_std_m")
     initial = {name: request[name].item() for name in names}
     if engine == "gpytorch":
         from bench.svgp.gpytorch_map import GpytorchMap
 
-        return GpytorchMap(request["Z"], learning_rate=request["learning_rate"].item(), **initial)
+        rate = request["learning_rate"].item()
+        return MinibatchTrainer(GpytorchMap(request["Z"], learning_rate=rate, **initial), *log)
+    from rbpf_svgp_slam.maps.factory import MapFactory
     from rbpf_svgp_slam.svgp.config import SvgpConfig
-    from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
-    config = SvgpConfig(
-        optimizer=engine,
-        inducing_points=len(request["Z"]),
-        minibatch_size=request["minibatch_size"].item(),
-        **initial,
-    )
-    return SvgpMap(config, request["survey_area"])
+    S = len(request["Z"])
+    config = SvgpConfig(optimizer=engine, inducing_points=S, minibatch_size=M, **initial)
+    factory = MapFactory("svgp", config, request["survey_area"])
+    if engine == "streaming":
+        return StreamTrainer(factory, *log)
+    return MinibatchTrainer(factory.create(), *log)
 
 
 def _variational_parameters(engine: Any) -> tuple[np.ndarray, np.ndarray]:
