@@ -21,6 +21,8 @@ SECTIONS = {
     "svgp.online": "bench.svgp.online",
     "svgp.two_nodes": "bench.svgp.two_nodes",
     "svgp.scales": "bench.svgp.scales",
+    "svgp.conditioning": "bench.svgp.conditioning",
+    "svgp.common_random_numbers": "bench.svgp.common_random_numbers",
     "svgp.streaming": "bench.svgp.streaming",
 }
 
