@@ -47,7 +47,7 @@ def _measure(optimizer: str, bag: Path, out: Path) -> dict[str, Any]:
     launch = ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch"]
     launch += [f"config:={config}", f"survey:={survey}"]
     with running(launch, out / f"two_nodes_{optimizer}.log"):
-        status = _Status()
+        status = Status()
         wait_until(status.complete, "core and map nodes")
         play = ["rosbag", "play", "--quiet", "--rate", str(PLAY_RATE), "--queue", "10000"]
         play += ["--wait-for-subscribers", str(bag), "--topics", "/odom", "/mbes/pings"]
@@ -74,7 +74,7 @@ def _overlay(optimizer: str) -> dict[str, Any]:
     }
 
 
-class _Status:
+class Status:
     """The latest status of the core and of each map node."""
 
     def __init__(self) -> None:
@@ -103,7 +103,7 @@ class _Status:
 class _Snapshot:
     """Counters at one moment."""
 
-    def __init__(self, status: _Status) -> None:
+    def __init__(self, status: Status) -> None:
         self.time_s = time.monotonic()
         self.nodes = {f"svgp_node_{k}": message for k, message in status.nodes.items()}
         self.cpu_s = {name: cpu_s(name) for name in ("rbpf_core", *self.nodes)}

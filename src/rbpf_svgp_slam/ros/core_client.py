@@ -35,8 +35,11 @@ class Minibatches:
 class MinibatchFeed:
     """A thread that keeps exactly one reply ready, so that training never waits for the network."""
 
-    def __init__(self, particles: Sequence[int], size: int, epoch: Callable[[], int]) -> None:
-        self._particles = list(particles)
+    def __init__(
+        self, particles: Callable[[], Sequence[int]], size: int, epoch: Callable[[], int]
+    ) -> None:
+        """particles: called for each question, for whom to ask; epoch: the node's own."""
+        self._particles = particles
         self._size = size
         self._epoch = epoch
         self._ready: Minibatches | None = None
@@ -107,11 +110,12 @@ class MinibatchFeed:
             # Connecting blindly to a core that has gone logs a traceback for every attempt.
             rospy.wait_for_service(SERVICE, timeout=BACK_OFF_S[1])
             self._proxy = rospy.ServiceProxy(SERVICE, GetMinibatches, persistent=True)
-        response: GetMinibatchesResponse = self._proxy(self._particles, self._size)
+        particles = list(self._particles())
+        response: GetMinibatchesResponse = self._proxy(particles, self._size)
         if not response.success:
             rospy.loginfo_throttle(WARNING_PERIOD_S, "waiting for beams: %s", response.message)
             return None
-        shape = (len(self._particles), self._size, 3)
+        shape = (len(particles), self._size, 3)
         return Minibatches(
             asked_epoch=asked_epoch,
             epoch=response.epoch,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from abc import ABC, abstractmethod
 from typing import Callable, Sequence
@@ -29,7 +30,7 @@ class Training(ABC):
     def __init__(
         self,
         store: MapStore,
-        particles: Sequence[int],
+        particles: Callable[[], Sequence[int]],
         minibatch_size: int,
         between_steps: Callable[[], None],
     ) -> None:
@@ -103,7 +104,7 @@ class MinibatchTraining(Training):
     def __init__(
         self, store: MapStore, factory: MapFactory, between_steps: Callable[[], None]
     ) -> None:
-        super().__init__(store, store.own, factory.minibatch_size, between_steps)
+        super().__init__(store, lambda: store.own, factory.minibatch_size, between_steps)
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
@@ -118,13 +119,15 @@ class MinibatchTraining(Training):
 class StreamTraining(Training):
     """Every map takes in every beam once; a teacher learns from minibatches for all of them.
 
-    The teacher's beams are placed by the history of the node's first particle.
+    The teacher's minibatches are placed by the histories of the node's particles in turn: what it
+    learns must not fit one particle better than another.
     """
 
     def __init__(
         self, store: MapStore, factory: MapFactory, between_steps: Callable[[], None]
     ) -> None:
-        super().__init__(store, store.own[:1], factory.minibatch_size, between_steps)
+        turns = itertools.cycle(store.own)
+        super().__init__(store, lambda: [next(turns)], factory.minibatch_size, between_steps)
         self._core = BeamReader()
         self._rebuild_beams = factory.rebuild_beams
         self._next_read_s = 0.0  # monotonic, as the next
@@ -133,17 +136,19 @@ class StreamTraining(Training):
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
-        teach = lambda: self._store.teach(epoch, minibatches.beams[0], N)  # noqa: E731
-        if self._attempt("training step of the teacher", teach) and self._catch_up(epoch, N):
+        if time.monotonic() >= self._next_read_s and not self._catch_up(epoch, N):
+            return
+        if self._attempt(
+            "training step of the teacher",
+            lambda: self._store.teach(epoch, minibatches.beams[0], N),
+        ):
             self._rebuild_one(epoch, N)
 
     def _catch_up(self, epoch: int, N: int) -> bool:
-        """The log's next beams into every map that is behind; false: the epoch is over."""
-        behind = self._store.behind(N) if time.monotonic() >= self._next_read_s else {}
+        """The log's next beams into every map that is behind; false: that is not all to be done."""
+        behind = self._store.behind(N)
         if not behind:
             return True
-        if N - min(behind.values()) <= BLOCK_BEAMS:  # or else the rest is asked for at once
-            self._next_read_s = time.monotonic() + READ_PERIOD_S
         reply = self._core.read(list(behind), list(behind.values()), BLOCK_BEAMS)
         if reply is None or reply.epoch != epoch:
             return False
@@ -153,6 +158,9 @@ class StreamTraining(Training):
                 lambda: self._store.take_in(particle, epoch, first, beams),
             ):
                 return False
+        if N - min(behind.values()) > BLOCK_BEAMS:
+            return False
+        self._next_read_s = time.monotonic() + READ_PERIOD_S
         return True
 
     def _rebuild_one(self, epoch: int, N: int) -> None:

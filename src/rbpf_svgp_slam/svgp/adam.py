@@ -8,15 +8,21 @@ from typing import Iterable
 import torch
 from torch import Tensor
 
-BETA_1 = 0.9
-BETA_2 = 0.999
 EPSILON = 1e-8
 
 
 class Adam:
     """Ascends an objective; constants are the paper's, which are also the defaults of torch."""
 
-    def __init__(self, size: int, dtype: torch.dtype, device: torch.device) -> None:
+    def __init__(
+        self,
+        size: int,
+        dtype: torch.dtype,
+        device: torch.device,
+        beta_1: float = 0.9,
+        beta_2: float = 0.999,
+    ) -> None:
+        self._beta_1, self._beta_2 = beta_1, beta_2
         self.steps = 0
         self.first, self.second, self._scratch = (
             torch.zeros(size, dtype=dtype, device=device) for _ in range(3)
@@ -31,11 +37,11 @@ class Adam:
         """
         self.steps += 1
         # first = β₁·first + (1 − β₁)·g        second = β₂·second + (1 − β₂)·g²
-        self.first.mul_(BETA_1).add_(gradient, alpha=1.0 - BETA_1)
-        self.second.mul_(BETA_2).addcmul_(gradient, gradient, value=1.0 - BETA_2)
+        self.first.mul_(self._beta_1).add_(gradient, alpha=1.0 - self._beta_1)
+        self.second.mul_(self._beta_2).addcmul_(gradient, gradient, value=1.0 - self._beta_2)
         # θ += rate·(first/(1 − β₁ᵗ)) / (√(second/(1 − β₂ᵗ)) + ε)
-        correction_1 = 1.0 - BETA_1**self.steps
-        correction_2 = math.sqrt(1.0 - BETA_2**self.steps)
+        correction_1 = 1.0 - self._beta_1**self.steps
+        correction_2 = math.sqrt(1.0 - self._beta_2**self.steps)
         torch.sqrt(self.second, out=self._scratch).div_(correction_2).add_(EPSILON)
         start = 0
         for n, rate in rates:

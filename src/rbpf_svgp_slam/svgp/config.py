@@ -78,8 +78,10 @@ class SvgpConfig:
     #: initial ℓ, m; 0: half of the inducing grid's pitch. One of a whole pitch or two correlates
     #: the inducing points, and Adam then takes about twice as many steps to a given map error
     lengthscale_m: float = 0.0
-    outputscale_m2: float = 1.0  #: initial o, prior variance of the seabed about its mean, m²
-    noise_std_m: float = 0.3  #: initial σ, standard deviation of a beam about the map, m
+    #: initial o, prior variance of the seabed about its mean, m², and initial σ, standard deviation
+    #: of a beam about the map, m. natgrad, if it learns them, takes both from the first minibatch
+    outputscale_m2: float = 1.0
+    noise_std_m: float = 0.3
     #: added to the diagonal of Kzz, as a share of o; GPyTorch's default for variational models
     jitter: float = 1e-4
     learn_inducing_points: bool = True  #: (paper)

@@ -29,13 +29,17 @@ class Moments:
 def moments(precision: Tensor, shift: Tensor, weight: float) -> Moments:
     """Of Λ = I + weight·precision [S, S] and Λm = weight·shift [S], in double precision.
 
+    Raises `NotPositiveDefinite`.
+
     Double precision, because Λ's eigenvalues reach from 1, where no beam has been, to about
     N·o/σ², 3·10¹⁰ for 12 million beams of σ = 0.02 m: rounded to single precision Λ is not even
     positive definite.
     """
     Lambda = precision * weight
     Lambda.diagonal().add_(1.0)
-    C = torch.linalg.cholesky(Lambda)
+    C, info = torch.linalg.cholesky_ex(Lambda)
+    if info.item() != 0:
+        raise linalg.NotPositiveDefinite("precision of q(v): no Cholesky factor")
     F = linalg.inverse_of_lower(C, torch.zeros_like(C))
     m = torch.mv(F.T, torch.mv(F, shift)).mul_(weight)
     return Moments(m, F, 2.0 * C.diagonal().log().sum().item())

@@ -14,8 +14,8 @@ class Prior:
     """ρ(Z, Z) + jitter·I = L Lᵀ of a model, and L⁻¹ in the model's precision.
 
     The factorisation is done in double precision: with a lengthscale of many inducing pitches the
-    matrix's condition reaches S/jitter, 4·10⁶ at S = 400, of which single precision would leave
-    nothing. L⁻¹ itself has the root of that condition, so that products with it are safe.
+    matrix's condition reaches S/jitter, 4·10⁶ at S = 400, and the posterior's small variances would
+    be lost in single precision (docs/svgp.md). L⁻¹ itself has the root of that condition.
     """
 
     def __init__(

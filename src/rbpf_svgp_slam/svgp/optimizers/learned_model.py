@@ -7,6 +7,7 @@ from typing import Mapping
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from rbpf_svgp_slam.svgp.adam import Adam
 from rbpf_svgp_slam.svgp.config import SvgpConfig
@@ -16,6 +17,13 @@ from rbpf_svgp_slam.svgp.parameters import FLOORS, Model
 
 #: Adam's rates fall to this share and no lower: the map has to follow new relief all its life.
 COOLED_SHARE = 0.1
+#: Of Adam's averages of gradients and of their squares. Gradients of single minibatches mostly shake
+#: the inducing points about: averaged over twice as many as by default, they take fewer steps. The
+#: squares are forgotten after a hundred steps, so that an early stretch of steep gradients, or
+#: one on new relief, does not slow down what comes after it.
+BETAS = (0.95, 0.99)
+#: The first o, as a share of the first minibatch's variance.
+FIRST_O_SHARE = 0.1
 
 
 class LearnedModel:
@@ -28,7 +36,7 @@ class LearnedModel:
     def __init__(self, config: SvgpConfig, dtype: torch.dtype, device: torch.device) -> None:
         self._config = config
         self.model = Model.zeros(config.inducing_points, dtype, device)
-        self._adam = Adam(2 * config.inducing_points + 2, dtype, device)
+        self._adam = Adam(2 * config.inducing_points + 2, dtype, device, *BETAS)
         #: Spacing of the initial inducing points, m: the unit of their steps.
         self.pitch_m = 1.0
         #: What depths under this model count from, m; NaN before the first step.
@@ -43,29 +51,54 @@ class LearnedModel:
         """There is something to improve."""
         return self._config.learn_inducing_points or self._config.learn_hyperparameters
 
+    def begin(self, y: Tensor) -> None:
+        """Take o and σ² from the first depths [M]; before q(v) has learned anything.
+
+        Whatever the height of the relief, the gradients are then of order one. σ² is at first all
+        of the depths' variance; o, which falls as long as there are many more beams than inducing
+        points, is given a part of its way.
+        """
+        if self._config.learn_hyperparameters and len(y) > 1:
+            variance = y.var(unbiased=False).item()
+            lengthscale = self.model.hyperparameters()[0]
+            self._set_hyperparameters(lengthscale, FIRST_O_SHARE * variance, variance)
+            self.stamp = object()
+
     def improve(self, gradient: Model, residuals: Residuals, rate: float) -> None:
         """A step along the gradient, by ℓ, o and σ² themselves; rate: of σ² and c towards the best.
 
         residuals: of the minibatch that the gradient is of.
         """
+        if self._config.learn_hyperparameters:
+            # σ² = misfit/M and c + Σe/M maximise the ELBO: averaged, since minibatches vary
+            lengthscale, o, noise = self.model.hyperparameters()
+            noise += rate * (residuals.misfit / len(residuals.e) - noise)
+            self._set_hyperparameters(lengthscale, o, noise)
+            self.model.c.add_(residuals.e.mean(), alpha=rate)
+        self._ascend(gradient, residuals)
+        self.stamp = object()
+
+    def _ascend(self, gradient: Model, residuals: Residuals) -> None:
+        """Adam's step for Z, ℓ and o."""
         config, model, S = self._config, self.model, len(self.model.Z)
-        lengthscale, o, noise = model.hyperparameters()
         # ∂/∂(Z/pitch)      ∂/∂log ℓ      ∂/∂log o
         step = torch.zeros_like(self._adam.first)
         ascent = torch.cat([gradient.Z.view(-1), gradient.raw[:2]])
         ascent[: 2 * S].mul_(self.pitch_m if config.learn_inducing_points else 0.0)
-        ascent[2 * S] *= lengthscale if config.learn_hyperparameters else 0.0
-        ascent[2 * S + 1] *= o if config.learn_hyperparameters else 0.0
+        learns = float(config.learn_hyperparameters)
+        ascent[2 * S] *= residuals.lengthscale * learns
+        ascent[2 * S + 1] *= residuals.o * learns
         self._adam.step(step, ascent, self._rates())
         model.Z.view(-1).add_(step[: 2 * S], alpha=self.pitch_m)
         if config.learn_hyperparameters:
+            lengthscale, o, noise = model.hyperparameters()
             grow_l, grow_o = step[2 * S :].double().exp().tolist()
-            # σ² = misfit/M and c + Σe/M maximise the ELBO: averaged, since minibatches vary
-            noise += rate * (residuals.misfit / len(residuals.e) - noise)
-            values = zip((lengthscale * grow_l, o * grow_o, noise), FLOORS)
-            model.set_hyperparameters(*(max(value, 1.01 * floor) for value, floor in values))
-            model.c.add_(residuals.e.mean(), alpha=rate)
-        self.stamp = object()
+            self._set_hyperparameters(lengthscale * grow_l, o * grow_o, noise)
+
+    def _set_hyperparameters(self, *values: float) -> None:
+        """Set ℓ, o and σ², kept above their floors."""
+        pairs = zip(values, FLOORS)
+        self.model.set_hyperparameters(*(max(value, 1.01 * floor) for value, floor in pairs))
 
     def _rates(self) -> tuple[tuple[int, float], tuple[int, float]]:
         """Rates of Z and of log ℓ and log o: they fall as 1/t, so that q(v) can settle."""

@@ -77,6 +77,8 @@ class NaturalGradient(Optimizer):
         # What single precision cannot square would poison the averages for good.
         if not math.isfinite(torch.dot(y, y).item()):
             raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
+        if learned.steps == 0:
+            learned.begin(y)
         objective, buffers = work_space.objective(self.config, M), self._buffers(M)
         objective.prior.factorise(self.model, learned.stamp)
         self.jitter_raises = objective.prior.jitter_raises

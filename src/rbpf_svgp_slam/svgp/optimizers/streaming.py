@@ -30,31 +30,29 @@ class FixedModel:
     def __init__(self, config: SvgpConfig, flat: Tensor) -> None:
         self.model = Model(flat.clone())
         self._config = config
-        self._prior: Prior | None = None
+        self._L_inverse: Tensor | None = None
 
     @property
-    def prior(self) -> Prior:
-        """Factorised in double precision at the first use."""
-        if self._prior is None:
-            config, device = self._config, self.model.flat.device
-            args = (config.inducing_points, config.kernel, config.jitter, torch.float64, device)
-            prior = Prior(*args)
-            prior.factorise(Model(self.model.flat.double()))
-            self._prior = prior
-        return self._prior
+    def L_inverse(self) -> Tensor:
+        """[S, S], factorised at the first use."""
+        if self._L_inverse is None:
+            config, flat = self._config, self.model.flat
+            args = (config.inducing_points, config.kernel, config.jitter, flat.dtype, flat.device)
+            self._L_inverse = Prior(*args).factorise(self.model)
+        return self._L_inverse
 
 
 class Streaming(Optimizer):
     """Takes in every beam once; for a fixed model q(v) is then exactly the best there is.
 
     The model comes from another map, which learns it from minibatches. When that has moved on, the
-    sums are to be rebuilt under its new model. Double precision: the sums' condition is that of
-    ρ(Z, Z) squared.
+    sums are to be rebuilt under its new model. They are sums of a aᵀ, a·y and a over the beams,
+    a = L⁻¹ρ(Z, x), whitened before they are summed: L⁻¹(Σρρᵀ)L⁻ᵀ would subtract large numbers,
+    and not even in double precision is it always positive.
 
-    State: `model` [2S + 4] Z [S, 2], raw ℓ, o, σ² and c; `gram` [S(S + 1)/2], the sum of
-    ρ(Z, x) ρ(x, Z) over all beams, by rows up to the diagonal; `sum_depth` and `sum_one` [S], of
-    ρ(Z, x)·y and ρ(Z, x), all in double precision; `next_beam`, how many of the log's beams
-    these are.
+    State: `model` [2S + 4] Z [S, 2], raw ℓ, o, σ² and c; `gram` [S(S + 1)/2], the sum of a aᵀ by
+    rows up to the diagonal, `sum_depth` [S] of a·y and `sum_one` [S] of a, all in double
+    precision; `next_beam`, how many of the log's beams these are.
     """
 
     ENTRIES = {
@@ -110,16 +108,13 @@ class Streaming(Optimizer):
         return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F.to(self.dtype))
 
     def moments(self) -> Moments:
-        """q(v) under the fixed model: Λ = I + o/σ²·L⁻¹ΣρρᵀL⁻ᵀ, Λm = √o/σ²·L⁻¹Σρ(y − c)."""
+        """q(v) under the fixed model: Λ = I + o/σ²·Σa aᵀ, Λm = √o/σ²·Σa(y − c)."""
         _, o, noise = self.model.hyperparameters()
-        L_inverse = self.fixed.prior.L_inverse
-        half = linalg.product_with_lower(L_inverse, self._gram, torch.empty_like(self._gram))
-        white = linalg.product_with_lower(L_inverse, half.T, torch.empty_like(half))
-        shift = torch.mv(L_inverse, self._sum_depth - self.model.c.item() * self._sum_one)
-        return moments(white.mul_(o / noise), shift.mul_(math.sqrt(o) / noise), 1.0)
+        shift = self._sum_depth - self.model.c.item() * self._sum_one
+        return moments(self._gram * (o / noise), shift * (math.sqrt(o) / noise), 1.0)
 
     def prior_inverse(self) -> Tensor:
-        return self.fixed.prior.L_inverse.to(self.dtype)
+        return self.fixed.L_inverse
 
     def arrays(self) -> dict[str, np.ndarray]:
         return {
@@ -145,18 +140,20 @@ class Streaming(Optimizer):
     def _add(self, X: Tensor, y: Tensor) -> None:
         lengthscale = self.model.hyperparameters()[0]
         for X_part, y_part in zip(X.split(BLOCK), y.split(BLOCK)):
-            correlation, product = self._buffers(len(y_part))
-            rho = correlation.evaluate(self.model.Z, X_part, lengthscale).double()
-            # Single precision in ρ itself is harmless: the sum of any ρρᵀ is positive.
-            self._gram.add_(linalg.gram(rho, product))
-            self._sum_depth.add_(torch.mv(rho, y_part.double()))
-            self._sum_one.add_(rho.sum(1))
+            correlation, white, product = self._buffers(len(y_part))
+            rho = correlation.evaluate(self.model.Z, X_part, lengthscale)
+            # Single precision in a is harmless: the sum of any a aᵀ is positive.
+            A = linalg.product_with_lower(self.fixed.L_inverse, rho, white).double()
+            self._gram.add_(linalg.gram(A, product))
+            self._sum_depth.add_(torch.mv(A, y_part.double()))
+            self._sum_one.add_(A.sum(1))
 
-    def _buffers(self, n: int) -> tuple[Correlation, Tensor]:
+    def _buffers(self, n: int) -> tuple[Correlation, Tensor, Tensor]:
         """This thread's work space for n beams; maps share it."""
         S, key = self.config.inducing_points, (self.config, n, self.dtype, self.device)
         if getattr(_thread, "key", None) != key:
             _thread.correlation = Correlation(self.config.kernel, (S, n), self.dtype, self.device)
+            _thread.white = torch.empty((S, n), dtype=self.dtype, device=self.device)
             _thread.product = torch.empty((S, S), dtype=torch.float64, device=self.device)
             _thread.key = key
-        return _thread.correlation, _thread.product
+        return _thread.correlation, _thread.white, _thread.product
