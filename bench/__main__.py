@@ -19,6 +19,7 @@ SECTIONS = {
     "svgp.step": "bench.svgp.step",
     "svgp.time_to_rmse": "bench.svgp.time_to_rmse",
     "svgp.online": "bench.svgp.online",
+    "svgp.lines": "bench.svgp.lines",
     "svgp.two_nodes": "bench.svgp.two_nodes",
     "svgp.scales": "bench.svgp.scales",
     "svgp.conditioning": "bench.svgp.conditioning",

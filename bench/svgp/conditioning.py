@@ -292,10 +292,7 @@ def _stream(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _streamed_exactly(case: Case) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance [POINTS] of a streaming map that whitens every beam, and only then sums.
-
-    L⁻¹ΣρρᵀL⁻ᵀ loses as many digits as ρ(Z, Z) has condition, ΣAAᵀ with A = L⁻¹ρ none.
-    """
+    """Mean and variance [POINTS] of a streaming map, all in double precision, written out."""
     beams, weights = (torch.from_numpy(array).double() for array in _stream(case))
     model = Model(_rounded_model(case).flat.double())
     lengthscale, o, noise = model.hyperparameters()

@@ -78,7 +78,7 @@ def test_experiments_take_effect_and_end():
         # None: there was no Cholesky factor at all
         assert figures[largest] is None or figures[largest] != as_it_is[largest]
     summed = errors["streaming, sums in single"]
-    assert summed[largest] is None and summed["smallest eigenvalue"] < 0.0
+    assert summed[largest] is None or summed[largest] > errors["streaming, as it is"][largest]
     assert conditioning.map_errors(case)["natgrad, as it is"] == as_it_is
 
 

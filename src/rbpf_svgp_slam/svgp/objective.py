@@ -117,8 +117,7 @@ class Objective:
             e=e,
             Ae=torch.mv(self._A, e),
             squares=torch.mul(e, e).sum(dtype=torch.float64).item(),
-            # M − tr H G is a small difference of large numbers: summed in double precision
-            trace=torch.mul(H, G, out=self._V).sum(dtype=torch.float64).item(),
+            trace=_sum(torch.mul(H, G, out=self._V)),
         )
 
     def _variational_gradients(
@@ -181,9 +180,13 @@ def scale_raw_gradients(model: Model, gradient: Model) -> None:
 def kl_divergence(theta: Parameters) -> float:
     """KL(q(v) ‖ N(0, I)) = ½·(tr R Rᵀ + mᵀm − S − 2·Σ log|R_ii|), nats."""
     m, R = theta.m, theta.R
-    squares = (m * m).sum(dtype=torch.float64) + (R * R).sum(dtype=torch.float64)
-    log_determinant = 2.0 * _diagonal(R).double().abs().log().sum()
-    return 0.5 * (squares - len(m) - log_determinant).item()
+    log_determinant = 2.0 * _diagonal(R).double().abs().log().sum().item()
+    return 0.5 * (torch.dot(m, m).item() + _sum(R * R) - len(m) - log_determinant)
+
+
+def _sum(matrix: Tensor) -> float:
+    """Of all elements: in double precision over the rows, where a difference may be left of it."""
+    return matrix.sum(1).sum(dtype=torch.float64).item()
 
 
 def _diagonal(R: Tensor) -> Tensor:
