@@ -60,7 +60,7 @@ def lines() -> list[Line]:
     A = linalg.product_with_lower(L_inverse, rho, torch.empty(S, M))
     G, H, W = A @ A.T, torch.eye(S) - 0.01 * torch.ones(S, S), torch.randn(S, M)
     A_double, G_double, R = A.double(), (A @ A.T).double() / M, torch.eye(S)
-    rho_double, e, m = rho.double(), torch.randn(M), torch.randn(S)
+    e, m = torch.randn(M), torch.randn(S)
     square, lower = torch.zeros(S, S), torch.zeros(S, S)
     square_double, lower_double = torch.zeros(S, S, dtype=double), torch.zeros(S, S, dtype=double)
     wide, shift = torch.empty(S, M), torch.ones(S, dtype=double)
@@ -83,20 +83,21 @@ def lines() -> list[Line]:
         ("L: Cholesky, float64", cube / 3, both, lambda: torch.linalg.cholesky_ex(K)),
         ("L⁻¹, float64", cube / 3, both, lambda: linalg.inverse_of_lower(L, lower_double)),
         ("ρ(Z, X)", 8.0 * S * M, (*both, STREAMING), lambda: zx.evaluate(model.Z, X, 9.0)),
-        ("A = L⁻¹ρ(Z, X)", wide_flop / 2, both,
+        ("A = L⁻¹ρ(Z, X)", wide_flop / 2, (*both, STREAMING),
          lambda: linalg.product_with_lower(L_inverse, rho, wide)),
         ("G = A Aᵀ", wide_flop / 2, (ADAM,), lambda: linalg.gram(A, square)),
         ("G = A Aᵀ, float64", wide_flop / 2, (NATGRAD,),
          lambda: linalg.gram(A_double, square_double)),
-        ("Σ ρρᵀ, float64", wide_flop / 2, (STREAMING,),
-         lambda: linalg.gram(rho_double, square_double)),
+        ("Σ a aᵀ, float64", wide_flop / 2, (STREAMING,),
+         lambda: linalg.gram(A_double, square_double)),
         ("Λ: Cholesky and inverse, m, float64", 2 * cube / 3, (NATGRAD,),
          lambda: moments(G_double, shift, 1e5)),
         ("H = I − R Rᵀ", cube / 3, (ADAM,), lambda: linalg.gram_of_lower(R, square)),
         ("H = I − FᵀF", cube / 3, (NATGRAD,), lambda: linalg.gram_of_transposed_lower(R, square)),
         ("tril(G R)", cube / 3, (ADAM,), lambda: linalg.lower_of_product_with_lower(G, R, lower)),
         ("Q = tril(H G)", cube, both, lambda: linalg.lower_of_product(H, G, lower)),
-        ("V = L⁻ᵀH", cube, both, lambda: linalg.product_with_transposed_lower(L_inverse, H, square)),
+        ("V = L⁻ᵀH", cube, both,
+         lambda: linalg.product_with_transposed_lower(L_inverse, H, square)),
         ("W = m eᵀ + V A", wide_flop, both, outer_and_product),
         ("U = −L⁻ᵀ Q L⁻¹", 4 * cube / 3, both,
          lambda: linalg.product_with_transposed_lower(

@@ -17,10 +17,10 @@ from rbpf_svgp_slam.svgp.parameters import FLOORS, Model
 
 #: Adam's rates fall to this share and no lower: the map has to follow new relief all its life.
 COOLED_SHARE = 0.1
-#: Of Adam's averages of gradients and of their squares. Gradients of single minibatches mostly shake
-#: the inducing points about: averaged over twice as many as by default, they take fewer steps. The
-#: squares are forgotten after a hundred steps, so that an early stretch of steep gradients, or
-#: one on new relief, does not slow down what comes after it.
+#: Of Adam's averages of gradients and of their squares. Gradients of single minibatches mostly
+#: shake the inducing points about: averaged over twice as many as by default, they take fewer
+#: steps. The squares are forgotten after a hundred steps, so that an early stretch of steep
+#: gradients, or one on new relief, does not slow down what comes after it.
 BETAS = (0.95, 0.99)
 #: The first o, as a share of the first minibatch's variance.
 FIRST_O_SHARE = 0.1
