@@ -145,8 +145,10 @@ def test_a_node_of_streaming_maps():
     copy = factory.load_alone(one.to_bytes())
     assert copy.ready and not copy.outdated
     np.testing.assert_array_equal(copy.predict(truth[:9, :2]), one.predict(truth[:9, :2]))
-    # A copy of the same node follows the same teacher.
-    assert factory.load(one.to_bytes()).outdated
+    # One of the same node follows the same teacher, and shares what the others share.
+    assert one.outdated and factory.load(one.to_bytes()).outdated
+    one.rebuild(beams, len(beams))
+    assert factory.load(one.to_bytes())._optimizer.fixed is one._optimizer.fixed
 
 
 def test_a_rebuild_from_a_sample_costs_less_than_two_percent():

@@ -90,7 +90,8 @@ class SvgpConfig:
     convergence_window: int = 50  #: steps between the two averages that are compared
     convergence_tolerance: float = 0.1  #: largest relative change over the window (convergence.py)
     device: str = "cpu"  #: cpu, cuda
-    dtype: str = "float32"  #: float32; float64 for tests
+    #: float32; float64 for matern32 and matern52 if their ℓ grows to many inducing pitches
+    dtype: str = "float32"
 
     def __post_init__(self) -> None:
         for field in fields(self):

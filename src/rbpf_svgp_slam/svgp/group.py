@@ -47,6 +47,13 @@ class SvgpGroup:
             self._model = FixedModel(config, model.flat)
         return self._model
 
+    def welcome(self, optimizer: Optimizer) -> None:
+        """Let a streaming map that was restored share what it has in common with the others."""
+        if self.teacher is not None and torch.equal(
+            optimizer.fixed.model.flat, self.model().model.flat
+        ):
+            optimizer.fixed = self.model()
+
 
 def make_optimizer(config: SvgpConfig, group: SvgpGroup) -> Optimizer:
     """The optimizer of a map of this group."""

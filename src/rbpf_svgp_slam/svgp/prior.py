@@ -15,7 +15,8 @@ class Prior:
 
     The factorisation is done in double precision: with a lengthscale of many inducing pitches the
     matrix's condition reaches S/jitter, 4·10⁶ at S = 400, and the posterior's small variances would
-    be lost in single precision (docs/svgp.md). L⁻¹ itself has the root of that condition.
+    be lost in single precision (docs/svgp.md). L has only the root of that condition, and its
+    inversion loses no more than ρ(Z, x) has lost already.
     """
 
     def __init__(
@@ -29,7 +30,6 @@ class Prior:
         shape = (inducing_points, inducing_points)
         self._jitter = jitter
         self.correlation = Correlation(kernel, shape, dtype, device)
-        self._double = torch.zeros(shape, dtype=torch.float64, device=device)
         #: [S, S] lower triangular.
         self.L_inverse = torch.zeros(shape, dtype=dtype, device=device)
         #: How often the last factorisation had to raise the jitter.
@@ -48,6 +48,5 @@ class Prior:
         lengthscale, _, _ = model.hyperparameters()
         K = self.correlation.evaluate(model.Z, model.Z, lengthscale).double()
         L, self.jitter_raises = linalg.cholesky(K, self._jitter)
-        self.L_inverse.copy_(linalg.inverse_of_lower(L, self._double))
         self._stamp = stamp
-        return self.L_inverse
+        return linalg.inverse_of_lower(L.to(self.L_inverse.dtype), self.L_inverse)

@@ -215,6 +215,7 @@ class SvgpMap(MapEngine):
         convergence = self._convergence
         state.expect_entries(entries, self._optimizer.ENTRIES)
         self._optimizer.restore(entries)
+        self._group.welcome(self._optimizer)
         convergence.averages.extend(entries["averages"].tolist())
         convergence.weight = entries["average_weight"].item()
         convergence.raw_average = entries["raw_average"].item()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
 from typing import Mapping
 
@@ -97,11 +98,17 @@ def checked(arrays: Mapping[str, np.ndarray], name: str, size: int) -> np.ndarra
 
 def packed(symmetric: Tensor) -> np.ndarray:
     """Array [S(S + 1)/2] of a symmetric matrix [S, S], by rows up to the diagonal."""
-    return symmetric.cpu().numpy()[np.tril_indices(len(symmetric))]
+    return symmetric.cpu().numpy()[_lower(len(symmetric))]
 
 
 def unpack(array: np.ndarray, symmetric: Tensor) -> None:
     """Fill a matrix from what `packed` returned."""
     full = np.zeros(symmetric.shape)
-    full[np.tril_indices(len(full))] = array
+    full[_lower(len(full))] = array
     symmetric.copy_(torch.from_numpy(full + np.tril(full, -1).T))
+
+
+@functools.lru_cache(maxsize=1)
+def _lower(S: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the lower triangle."""
+    return np.tril_indices(S)
