@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import json
 import time
 from pathlib import Path
 from typing import Any, Iterator
 
-from bench import machine
+from bench import machine, section
 from bench.paths import ROOT
 from rbpf_svgp_slam import cpu
 
@@ -42,7 +41,7 @@ def main() -> None:
     for name in arguments.only:
         print(f"== {name}", flush=True)
         started_s = time.monotonic()
-        figures = importlib.import_module(SECTIONS[name]).run(out)
+        figures = section.run(SECTIONS[name], out)
         group = results.setdefault(name.partition(".")[0], {})
         group.update(figures)
         group.setdefault("wall_s", {})[name] = round(time.monotonic() - started_s, 1)
