@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 tools/setup.sh
 . tools/env.sh
 
-rate=6
+rate=12
 seed=1
 rviz=false
 out=

@@ -62,10 +62,10 @@ def lines() -> list[Line]:
     A_double, G_double, R = A.double(), (A @ A.T).double() / M, torch.eye(S)
     e, m = torch.randn(M), torch.randn(S)
     square, lower = torch.zeros(S, S), torch.zeros(S, S)
-    square_double, lower_double = torch.zeros(S, S, dtype=double), torch.zeros(S, S, dtype=double)
+    square_double, inverse = torch.zeros(S, S, dtype=double), torch.zeros(S, S)
     wide, shift = torch.empty(S, M), torch.ones(S, dtype=double)
     adam, vector = Adam(S + S * S + 2 * S + 4, single, "cpu"), torch.randn(S + S * S + 2 * S + 4)
-    L = torch.linalg.cholesky(K)
+    L_single = torch.linalg.cholesky(K).float()
 
     def pull_back(correlation: Correlation, gradient: torch.Tensor) -> None:
         correlation._h.fill_(1.0)
@@ -81,7 +81,7 @@ def lines() -> list[Line]:
     return [
         ("ρ(Z, Z)", 8.0 * S * S, both, lambda: prior.correlation.evaluate(model.Z, model.Z, 9.0)),
         ("L: Cholesky, float64", cube / 3, both, lambda: torch.linalg.cholesky_ex(K)),
-        ("L⁻¹, float64", cube / 3, both, lambda: linalg.inverse_of_lower(L, lower_double)),
+        ("L⁻¹", cube / 3, both, lambda: linalg.inverse_of_lower(L_single, inverse)),
         ("ρ(Z, X)", 8.0 * S * M, (*both, STREAMING), lambda: zx.evaluate(model.Z, X, 9.0)),
         ("A = L⁻¹ρ(Z, X)", wide_flop / 2, (*both, STREAMING),
          lambda: linalg.product_with_lower(L_inverse, rho, wide)),

@@ -24,6 +24,9 @@ from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 PARTICLES = 100
 MISSION, SURVEY_S = "lolo3", 300
 HOLD_BACK_S = 30.0
+#: Of held-out pings, those are left out that are this close to the newest beams that maps can have:
+#: a map is behind by up to a second, and there its neighbours decide.
+MARGIN_S = 3.0
 #: Seconds of survey before the first map is looked at, and between two of them.
 FIRST_S, PERIOD_S = 60.0, 12.0
 BLOCK_BEAMS = 100_000
@@ -120,7 +123,7 @@ def _probe(particle: int, status: Status, origin_m: np.ndarray) -> Probe | None:
         return None
     if reply_epoch != epoch:
         return None
-    mapped = survey.stamp_s < survey.stamp_s[-1] - HOLD_BACK_S
+    mapped = survey.stamp_s < survey.stamp_s[-1] - HOLD_BACK_S - MARGIN_S
     chosen = (survey.held_out & mapped)[survey.ping_of_beam]
     points = survey.place(survey.estimate)[chosen] - [*origin_m, 0.0]
     return Probe(

@@ -138,11 +138,11 @@ class Surveys(unittest.TestCase):
         )
         self.assertEqual(report["pings"], pings)
 
-    def test_every_way_to_learn(self):
+    def test_the_other_ways_to_learn(self):
         for name, changes in (
+            ("adam", {"optimizer": "adam"}),
             ("natgrad", {"optimizer": "natgrad"}),
             ("shared", {"optimizer": "natgrad", "shared_hyperparameters": True}),
-            ("streaming", {"optimizer": "streaming"}),
         ):
             with self.subTest(name):
                 self.out = Path(self.folder.name) / name
