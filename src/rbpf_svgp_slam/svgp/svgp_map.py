@@ -115,7 +115,7 @@ class SvgpMap(MapEngine):
 
     @property
     def next_beam(self) -> int | None:
-        return getattr(self._optimizer, "next_beam", None)
+        return self._optimizer.next_beam
 
     def take_in(self, beams: np.ndarray) -> None:
         self._step(beams, self._optimizer.fold)
