@@ -67,9 +67,11 @@ def lines() -> list[Line]:
     adam, vector = Adam(S + S * S + 2 * S + 4, single, "cpu"), torch.randn(S + S * S + 2 * S + 4)
     L_single = torch.linalg.cholesky(K).float()
 
+    dZ = torch.zeros(S, 2)
+
     def pull_back(correlation: Correlation, gradient: torch.Tensor) -> None:
         correlation._h.fill_(1.0)
-        correlation.pull_back(gradient)
+        correlation.pull_back(gradient, dZ, None if correlation is zx else dZ)
 
     def outer_and_product() -> None:
         torch.outer(m, e, out=wide).addmm_(square, A)

@@ -97,18 +97,20 @@ class Correlation:
         self.kernel.evaluate(self._t, self.rho, self._h)
         return self.rho
 
-    def pull_back(self, W: Tensor) -> tuple[Tensor, Tensor, float]:
-        """Gradients of a scalar E from W [S, M] = ∂E/∂ρ: ∂E/∂Z [S, 2], ∂E/∂X [M, 2], ∂E/∂ℓ.
+    def pull_back(self, W: Tensor, dZ: Tensor, dX: Tensor | None = None) -> float:
+        """Gradients of a scalar E from W [S, M] = ∂E/∂ρ: returns ∂E/∂ℓ.
 
-        Belongs to the last `evaluate`, whose h is used up.
+        ∂E/∂Z is added to dZ [S, 2], ∂E/∂X to dX [M, 2] if wanted. Belongs to the last `evaluate`,
+        whose h is used up.
         """
         F = self._h.mul_(W)
         factor = self.kernel.scale / self._lengthscale_m
-        dZ, dX, dl = [], [], 0.0
-        for d in (self._dx, self._dy):
+        dl = 0.0
+        for axis, d in enumerate((self._dx, self._dy)):
             # ∂E/∂z = −ν̃/ℓ·Σ_x F·dx = −∂E/∂x summed over z      ∂E/∂ℓ = Σ F·(dx² + dy²)/ℓ
             P = torch.mul(F, d, out=self._t)
-            dZ.append(P.sum(1).mul_(-factor))
-            dX.append(P.sum(0).mul_(factor))
+            dZ[:, axis].sub_(P.sum(1), alpha=factor)
+            if dX is not None:
+                dX[:, axis].add_(P.sum(0), alpha=factor)
             dl += torch.dot(P.view(-1), d.view(-1)).item() / self._lengthscale_m
-        return torch.stack(dZ, 1), torch.stack(dX, 1), dl
+        return dl

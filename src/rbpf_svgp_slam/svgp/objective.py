@@ -141,15 +141,14 @@ class Objective:
         """
         o, s, M = residuals.o, residuals.s, self._A.shape[1]
         W, U = self._kernel_gradients(m, G, H, residuals)
-        dZ, _, dl = self._zx.pull_back(W)
-        dZ_row, dZ_column, dl_zz = self.prior.correlation.pull_back(U)
-        torch.add(dZ_row, dZ_column, out=gradient.Z).add_(dZ)
+        dZ = gradient.Z.zero_()
+        dl = self._zx.pull_back(W, dZ) + self.prior.correlation.pull_back(U, dZ, dZ)
         # ∂c = s·Σe
         torch.sum(residuals.e, 0, keepdim=True, out=gradient.c).mul_(s)
         # ∂o = ½s·(mᵀA e/√o + tr H G − M)      ∂σ² = ½s·(misfit/σ² − M)
         do = 0.5 * s * (torch.dot(m, residuals.Ae).item() / math.sqrt(o) + residuals.trace - M)
         dnoise = 0.5 * s * (residuals.misfit / residuals.noise - M)
-        gradient.raw.copy_(torch.tensor([dl + dl_zz, do, dnoise], dtype=torch.float64))
+        gradient.raw.copy_(torch.tensor([dl, do, dnoise], dtype=torch.float64))
 
     def _kernel_gradients(
         self, m: Tensor, G: Tensor, H: Tensor, residuals: Residuals
