@@ -27,6 +27,7 @@ class SvgpGroup:
         #: The map that learns the model for streaming maps, which take in every beam once.
         self.teacher = teacher
         self._model: FixedModel | None = None
+        self._compared: object = None  # stamp of the teacher's model when they were last compared
 
     @classmethod
     def for_node(cls, config: SvgpConfig, teacher: SvgpMap | None) -> SvgpGroup:
@@ -39,8 +40,11 @@ class SvgpGroup:
 
     def model(self) -> FixedModel:
         """The teacher's model, as it was when it last had moved by more than the tolerance."""
-        model, config = self.teacher._optimizer.model, self.teacher.config
-        pitch_m = self.teacher._optimizer.pitch_m
+        optimizer, config = self.teacher._optimizer, self.teacher.config
+        if self._compared is optimizer.stamp:
+            return self._model
+        self._compared = optimizer.stamp
+        model, pitch_m = optimizer.model, optimizer.pitch_m
         if self._model is None or (
             distance(self._model.model, model, pitch_m) > config.streaming_tolerance
         ):

@@ -12,7 +12,7 @@ from torch import Tensor
 from rbpf_svgp_slam.svgp.adam import Adam
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.objective import Residuals
-from rbpf_svgp_slam.svgp.optimizers.optimizer import checked
+from rbpf_svgp_slam.svgp.optimizers.optimizer import fill
 from rbpf_svgp_slam.svgp.parameters import FLOORS, Model
 
 #: Adam's rates fall to this share and no lower: the map has to follow new relief all its life.
@@ -132,12 +132,8 @@ class LearnedModel:
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Take over what `arrays` returned; raises ValueError if it does not fit."""
-        for name, vector in (
-            ("model", self.model.flat),
-            ("adam_first", self._adam.first),
-            ("adam_second", self._adam.second),
-        ):
-            vector.copy_(torch.from_numpy(checked(arrays, name, len(vector))))
+        first, second = self._adam.first, self._adam.second
+        fill(arrays, model=self.model.flat, adam_first=first, adam_second=second)
         self._adam.steps = arrays["adam_steps"].item()
         self.pitch_m = arrays["pitch_m"].item()
         self.steps = arrays["model_steps"].item()

@@ -16,7 +16,15 @@ from rbpf_svgp_slam.svgp.kernels import Correlation
 from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.natural import Site
 from rbpf_svgp_slam.svgp.objective import Objective
-from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked, packed, unpack
+from rbpf_svgp_slam.svgp.optimizers.optimizer import (
+    NotFinite,
+    Optimizer,
+    checked,
+    expect_squares,
+    fill,
+    packed,
+    unpack,
+)
 from rbpf_svgp_slam.svgp.parameters import Model
 from rbpf_svgp_slam.svgp.posterior import Gaussian
 from rbpf_svgp_slam.svgp.prior import Prior
@@ -74,9 +82,7 @@ class NaturalGradient(Optimizer):
 
     def step(self, X: Tensor, y: Tensor, N: int) -> float | None:
         M, learned = len(y), self._learned
-        # What single precision cannot square would poison the averages for good.
-        if not math.isfinite(torch.dot(y, y).item()):
-            raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
+        expect_squares(y)
         if learned.steps == 0:
             learned.begin(y)
         objective, buffers = work_space.objective(self.config, M), self._buffers(M)
@@ -133,8 +139,7 @@ class NaturalGradient(Optimizer):
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """A map that shares its model brings it along, or else comes over to what is shared."""
         S, site = len(self.site.shift), self.site
-        for name, vector in (("shift", site.shift), ("shift_one", site.shift_one)):
-            vector.copy_(torch.from_numpy(checked(arrays, name, S)))
+        fill(arrays, shift=site.shift, shift_one=site.shift_one)
         unpack(checked(arrays, "precision", S * (S + 1) // 2), site.precision)
         self._steps = arrays["steps"].item()
         self._beams_in_log = arrays["beams_in_log"].item()

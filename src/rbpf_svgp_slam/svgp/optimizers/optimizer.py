@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from abc import ABC, abstractmethod
 from typing import Mapping
 
@@ -94,6 +95,18 @@ def checked(arrays: Mapping[str, np.ndarray], name: str, size: int) -> np.ndarra
     if array.size != size or not np.isfinite(array).all():
         raise ValueError(f"map's {name} has {array.size} numbers; expected {size} finite")
     return array
+
+
+def fill(arrays: Mapping[str, np.ndarray], **vectors: Tensor) -> None:
+    """Each vector from the array of its name; raises ValueError where it does not fit."""
+    for name, vector in vectors.items():
+        vector.copy_(torch.from_numpy(checked(arrays, name, len(vector))))
+
+
+def expect_squares(y: Tensor) -> None:
+    """Raise `NotFinite` where the depths' squares are not: sums would be spoilt for good."""
+    if not math.isfinite(torch.dot(y, y).item()):
+        raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
 
 
 def packed(symmetric: Tensor) -> np.ndarray:

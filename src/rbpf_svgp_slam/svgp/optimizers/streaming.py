@@ -14,7 +14,14 @@ from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.kernels import Correlation
 from rbpf_svgp_slam.svgp.natural import Moments, moments
-from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked, packed, unpack
+from rbpf_svgp_slam.svgp.optimizers.optimizer import (
+    Optimizer,
+    checked,
+    expect_squares,
+    fill,
+    packed,
+    unpack,
+)
 from rbpf_svgp_slam.svgp.parameters import Model
 from rbpf_svgp_slam.svgp.posterior import Gaussian
 from rbpf_svgp_slam.svgp.prior import Prior
@@ -86,15 +93,13 @@ class Streaming(Optimizer):
         raise TypeError("a streaming map takes in the log's beams in their order, no minibatches")
 
     def fold(self, X: Tensor, y: Tensor) -> None:
-        if not math.isfinite(torch.dot(y, y).item()):
-            raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
+        expect_squares(y)
         self._add(X, y)
         self.next_beam += len(y)
 
     def rebuild(self, fixed: FixedModel, X: Tensor, y: Tensor, N: int) -> None:
         """The sums under another model, for the log's first N beams, of which X, y are a sample."""
-        if not math.isfinite(torch.dot(y, y).item()):
-            raise NotFinite(f"square of a depth of {y.abs().max().item():g} m is not finite")
+        expect_squares(y)
         self.fixed = fixed
         for sums in (self._gram, self._sum_depth, self._sum_one):
             sums.zero_()
@@ -127,12 +132,7 @@ class Streaming(Optimizer):
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         S, model = len(self._sum_one), Model.zeros(len(self._sum_one), self.dtype, self.device)
-        for name, vector in (
-            ("model", model.flat),
-            ("sum_depth", self._sum_depth),
-            ("sum_one", self._sum_one),
-        ):
-            vector.copy_(torch.from_numpy(checked(arrays, name, len(vector))))
+        fill(arrays, model=model.flat, sum_depth=self._sum_depth, sum_one=self._sum_one)
         unpack(checked(arrays, "gram", S * (S + 1) // 2), self._gram)
         self.fixed = FixedModel(self.config, model.flat)
         self.next_beam = arrays["next_beam"].item()
