@@ -46,6 +46,15 @@ def running(command: list[str], log: Path) -> Iterator[subprocess.Popen]:
             process.wait()
 
 
+def simulated_survey(mission: str, duration_s: float, folder: Path) -> Path:
+    """A bag in the folder, with survey.survey.yaml beside it."""
+    bag = folder / "survey.bag"
+    command = ["rosrun", "rbpf_svgp_slam", "simulate_survey.py", "--mission", mission]
+    command += ["--duration", str(duration_s), "--out", str(bag)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return bag
+
+
 def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
     """Wait for something that must happen."""
     deadline_s = time.monotonic() + patience_s

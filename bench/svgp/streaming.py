@@ -14,7 +14,7 @@ import rospy
 import torch
 import yaml
 
-from bench.ros_session import cpu_s, master, running, wait_until
+from bench.ros_session import cpu_s, master, running, simulated_survey, wait_until
 from bench.svgp.two_nodes import NODES, Status
 from rbpf_svgp_slam.polygon import survey_origin
 from rbpf_svgp_slam.ros.core_client import BeamReader
@@ -45,10 +45,7 @@ class Probe:
 def run(out: Path) -> dict[str, Any]:
     """The worst and the mean ratio of a map's held-out RMSE to its optimum's, and the load."""
     with tempfile.TemporaryDirectory() as folder, master():
-        bag = Path(folder) / "survey.bag"
-        simulate = ["rosrun", "rbpf_svgp_slam", "simulate_survey.py", "--mission", MISSION]
-        simulate += ["--duration", str(SURVEY_S), "--out", str(bag)]
-        subprocess.run(simulate, check=True, stdout=subprocess.DEVNULL)
+        bag = simulated_survey(MISSION, SURVEY_S, Path(folder))
         overlay = bag.with_name("streaming.yaml")
         overlay.write_text(yaml.safe_dump(_overlay()))
         survey = bag.with_suffix(".survey.yaml")

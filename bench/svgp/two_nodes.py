@@ -11,7 +11,7 @@ from typing import Any
 import rospy
 import yaml
 
-from bench.ros_session import cpu_s, master, running, wait_until
+from bench.ros_session import cpu_s, master, running, simulated_survey, wait_until
 from bench.svgp.contestants import available
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 
@@ -28,10 +28,7 @@ SETTLE_S, MEASURE_S = 3.0, 30.0
 def run(out: Path) -> dict[str, Any]:
     """steps_per_s_two_nodes (Adam), the same for the other optimizers, and what is behind them."""
     with tempfile.TemporaryDirectory() as folder, master():
-        bag = Path(folder) / "survey.bag"
-        simulate = ["rosrun", "rbpf_svgp_slam", "simulate_survey.py", "--mission", MISSION]
-        simulate += ["--duration", str(SURVEY_S), "--out", str(bag)]
-        subprocess.run(simulate, check=True, stdout=subprocess.DEVNULL)
+        bag = simulated_survey(MISSION, SURVEY_S, Path(folder))
         measured = {one.name: _measure(one.engine, bag, out) for one in available(OPTIMIZERS)}
     figures = {"steps_per_s_two_nodes": measured["adam"]["steps_per_s"]}
     for name in measured.keys() - {"adam"}:
