@@ -2,6 +2,7 @@
 
 #include <ros/console.h>
 
+#include <chrono>
 #include <cmath>
 #include <exception>
 
@@ -11,6 +12,12 @@
 namespace rbpf_node {
 
 namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double secondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
 // Positions of a ping's beams as each particle sees them, [J][2 n], relative to the survey origin.
 std::vector<std::vector<float>> positionsOf(const rbpf_core::PlacedPing& ping,
@@ -79,6 +86,7 @@ void LoopClosureLoop::promptIfDue() {
 
 void LoopClosureLoop::prompt(const rbpf_core::PlacedPing& ping) {
   using rbpf_core::PromptOutcome;
+  const Clock::time_point start = Clock::now();
   const auto prediction = maps_.predict(epoch_, positionsOf(ping, params_.filter.origin));
   const Eigen::ArrayXd z_m = ping.levelled_m.row(2).transpose().cast<double>().array();
   const auto likelihood = rbpf_core::pingLikelihood(z_m, prediction, params_.loop_closure);
@@ -102,6 +110,7 @@ void LoopClosureLoop::prompt(const rbpf_core::PlacedPing& ping) {
   const std::lock_guard lock(mutex_);
   ++statistics_.prompts;
   statistics_.tempering = update.tempering;
+  statistics_.prompt_s = secondsSince(start);
   statistics_.message = "closing loops";
 }
 
@@ -117,10 +126,11 @@ void LoopClosureLoop::resampleIfDepleted() {
 }
 
 void LoopClosureLoop::resample(const std::vector<std::uint32_t>& ancestors) {
+  const Clock::time_point start = Clock::now();
   const std::uint32_t next_epoch = epoch_ + 1;
   resampling_ = true;
   say("resampling");
-  std::size_t moved = 0;
+  MovedMaps moved;
   try {
     moved = maps_.prepare(next_epoch, ancestors);
   } catch (const std::exception& error) {
@@ -141,7 +151,9 @@ void LoopClosureLoop::resample(const std::vector<std::uint32_t>& ancestors) {
              next_epoch, errors.c_str());
   }
   const std::lock_guard lock(mutex_);
-  statistics_.maps_moved += static_cast<std::uint32_t>(moved);
+  statistics_.moved.maps += moved.maps;
+  statistics_.moved.bytes += moved.bytes;
+  statistics_.resampling_s = secondsSince(start);
   statistics_.message = "closing loops";
 }
 

@@ -18,9 +18,12 @@ struct LoopClosureStatistics {
   std::uint32_t prompts_vetoed = 0;      // no particle's map explained the ping
   std::uint32_t prompts_skipped = 0;     // maps not ready, too little overlap, a node missing
   std::uint32_t resamplings_failed = 0;  // rolled back
-  std::uint32_t maps_moved = 0;          // fetched from another node
+  MovedMaps moved;                       // fetched from another node
   double tempering = std::numeric_limits<double>::quiet_NaN();  // of the last prompt
   double overlap = std::numeric_limits<double>::quiet_NaN();    // of the last prompt
+  // Wall time of the last one that changed the weights, and of the last that was committed.
+  double prompt_s = std::numeric_limits<double>::quiet_NaN();
+  double resampling_s = std::numeric_limits<double>::quiet_NaN();
   std::string message = "waiting for pings";
 };
 

@@ -92,8 +92,8 @@ rbpf_core::PingPrediction MapNodes::predict(
   return prediction;
 }
 
-std::size_t MapNodes::prepare(std::uint32_t epoch,
-                              const std::vector<std::uint32_t>& ancestors) const {
+MovedMaps MapNodes::prepare(std::uint32_t epoch,
+                            const std::vector<std::uint32_t>& ancestors) const {
   std::vector<std::string> names;
   PrepareResampling::Request request;
   request.epoch = epoch;
@@ -104,9 +104,12 @@ std::size_t MapNodes::prepare(std::uint32_t epoch,
   if (const std::string errors = errorsOf(answers); !errors.empty()) {
     throw std::runtime_error(errors);
   }
-  std::size_t fetched = 0;
-  for (const auto& answer : answers) fetched += answer.response.maps_fetched;
-  return fetched;
+  MovedMaps moved;
+  for (const auto& answer : answers) {
+    moved.maps += answer.response.maps_fetched;
+    moved.bytes += answer.response.bytes_fetched;
+  }
+  return moved;
 }
 
 std::string MapNodes::commit(std::uint32_t epoch, bool commit) const {

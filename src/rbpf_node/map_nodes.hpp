@@ -21,6 +21,12 @@ struct MapsState {
   std::uint64_t steps = 0;      // training steps of all nodes since they started
 };
 
+// What a resampling brought from one node to another.
+struct MovedMaps {
+  std::uint32_t maps = 0;
+  std::uint64_t bytes = 0;
+};
+
 class MapNodes {
  public:
   MapNodes(ros::NodeHandle node, const Parameters& params);
@@ -34,9 +40,9 @@ class MapNodes {
   rbpf_core::PingPrediction predict(std::uint32_t epoch,
                                     const std::vector<std::vector<float>>& positions) const;
 
-  // First phase on all nodes at once. Returns the maps that were fetched from another node.
-  // Throws std::runtime_error if any node failed; then commit(epoch, false) is due.
-  std::size_t prepare(std::uint32_t epoch, const std::vector<std::uint32_t>& ancestors) const;
+  // First phase on all nodes at once. Throws std::runtime_error if any node failed; then
+  // commit(epoch, false) is due.
+  MovedMaps prepare(std::uint32_t epoch, const std::vector<std::uint32_t>& ancestors) const;
 
   // Second phase. Returns what went wrong, or an empty string. A node that missed it asks the core
   // itself.

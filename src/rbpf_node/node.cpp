@@ -149,10 +149,13 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   status.prompts_vetoed = closures.prompts_vetoed;
   status.prompts_skipped = closures.prompts_skipped;
   status.resamplings_failed = closures.resamplings_failed;
-  status.maps_moved = closures.maps_moved;
+  status.maps_moved = closures.moved.maps;
+  status.bytes_moved = closures.moved.bytes;
   status.n_eff = rbpf_core::effectiveParticles(weights);
   status.tempering = closures.tempering;
   status.overlap = closures.overlap;
+  status.prompt_s = closures.prompt_s;
+  status.resampling_s = closures.resampling_s;
   status.maps_ready = static_cast<std::uint32_t>(maps.maps_ready);
   status.iterations = maps.steps;
   status.best_particle = static_cast<std::uint32_t>(best);

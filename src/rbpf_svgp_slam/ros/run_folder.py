@@ -9,6 +9,7 @@ import numpy as np
 import rospy
 
 from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses, write_tum
+from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.polygon import inside, survey_origin
 from rbpf_svgp_slam.ros.survey_client import fetch_map, fetch_survey
 from rbpf_svgp_slam.ros.survey_grid import cell_centres, grid_points
@@ -107,8 +108,18 @@ def _statistics(recorder: Recorder, survey: Any, source: Any) -> dict[str, Any]:
         "iterations_total": sum(int(m.steps) for m in recorder.map_statuses.values()),
         "loop_closure_prompts": status.prompts,
         "resamplings": status.epoch,
+        "maps_moved": status.maps_moved,
+        "bytes_moved": int(status.bytes_moved),
+        "prompt_s_median": _median(recorder.statuses, "prompt_s", "prompts"),
+        "resampling_s_median": _median(recorder.statuses, "resampling_s", "epoch"),
         "peak_rss_mb": sum(peaks_mb),
     }
+
+
+def _median(statuses: list[FilterStatus], field: str, count: str) -> float:
+    """Of what a status says of the latest of something that it counts; NaN if there was none."""
+    values = {getattr(status, count): getattr(status, field) for status in statuses}
+    return float(np.median([values[n] for n in values if n > 0] or [np.nan]))
 
 
 def _history(statuses: list) -> dict[str, np.ndarray]:
