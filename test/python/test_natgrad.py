@@ -235,4 +235,4 @@ def test_learns_relief_of_any_height(height):
 
 def test_a_precision_that_is_not_positive_is_told():
     with pytest.raises(linalg.NotPositiveDefinite, match="precision of q"):
-        moments(-torch.eye(3, dtype=DOUBLE), torch.ones(3, dtype=DOUBLE), 2.0)
+        moments(-torch.eye(3, dtype=DOUBLE), torch.ones(3, dtype=DOUBLE), 2.0, DOUBLE)

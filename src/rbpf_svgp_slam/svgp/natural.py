@@ -16,32 +16,33 @@ class Moments:
     """q(v) = N(m, Σ) from its natural parameters Λ = Σ⁻¹ and Λm."""
 
     m: Tensor  # [S], in double precision
-    F: Tensor  # [S, S] lower triangular, Σ = FᵀF, F⁻¹ the Cholesky factor of Λ; double precision
+    F: Tensor  # [S, S] lower triangular, Σ = FᵀF, F⁻¹ the Cholesky factor of Λ
     log_determinant: float  # log|Λ|
 
     @property
     def kl_divergence(self) -> float:
         """KL(q(v) ‖ N(0, I)) = ½·(tr Σ + mᵀm − S + log|Λ|), nats."""
-        trace = self.F.square().sum().item()
+        trace = self.F.square().sum(dtype=torch.float64).item()
         return 0.5 * (trace + torch.dot(self.m, self.m).item() - len(self.m) + self.log_determinant)
 
 
-def moments(precision: Tensor, shift: Tensor, weight: float) -> Moments:
+def moments(precision: Tensor, shift: Tensor, weight: float, dtype: torch.dtype) -> Moments:
     """Of Λ = I + weight·precision [S, S] and Λm = weight·shift [S], in double precision.
 
     Raises `NotPositiveDefinite`.
 
     Double precision, because Λ's eigenvalues reach from 1, where no beam has been, to about
     N·o/σ², 3·10¹⁰ for 12 million beams of σ = 0.02 m: rounded to single precision Λ is not even
-    positive definite.
+    positive definite. Its factor has only the root of that condition; F comes in the dtype in which
+    it is used, wide products, and its inversion loses no more than these.
     """
     Lambda = precision * weight
     Lambda.diagonal().add_(1.0)
     C, info = torch.linalg.cholesky_ex(Lambda)
     if info.item() != 0:
         raise linalg.NotPositiveDefinite("precision of q(v): no Cholesky factor")
-    F = linalg.inverse_of_lower(C, torch.zeros_like(C))
-    m = torch.mv(F.T, torch.mv(F, shift)).mul_(weight)
+    m = torch.cholesky_solve(shift[:, None], C)[:, 0].mul_(weight)
+    F = linalg.inverse_of_lower(C.to(dtype), torch.zeros_like(C, dtype=dtype))
     return Moments(m, F, 2.0 * C.diagonal().log().sum().item())
 
 
@@ -63,9 +64,9 @@ class Site:
         self.precision = torch.zeros((S, S), dtype=double, device=device)
         self.shift, self.shift_one = torch.zeros((2, S), dtype=double, device=device)
 
-    def moments(self, N: int, c: float) -> Moments:
-        """q(v) for a log of N beams."""
-        return moments(self.precision, self.shift - c * self.shift_one, float(N))
+    def moments(self, N: int, c: float, dtype: torch.dtype) -> Moments:
+        """q(v) for a log of N beams; dtype: of F."""
+        return moments(self.precision, self.shift - c * self.shift_one, float(N), dtype)
 
     def replace(
         self, rate: float, G: Tensor, Ay: Tensor, A_one: Tensor, o: float, noise: float

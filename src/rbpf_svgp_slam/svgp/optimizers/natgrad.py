@@ -106,9 +106,9 @@ class NaturalGradient(Optimizer):
         self, objective: Objective, buffers: _Buffers, y: Tensor, N: int, rate: float
     ) -> float:
         """Improve the model on the minibatch just projected; returns the ELBO before that."""
-        q = self.site.moments(N, self.model.c.item())
+        q = self.site.moments(N, self.model.c.item(), self.dtype)
         m = q.m.to(self.dtype)
-        H = linalg.gram_of_transposed_lower(buffers.F.copy_(q.F), buffers.H).neg_()
+        H = linalg.gram_of_transposed_lower(q.F, buffers.H).neg_()
         H.diagonal().add_(1.0)
         G = buffers.G_single.copy_(buffers.G).mul_(len(y))
         residuals = objective.residuals(self.model, y, m, G, H)
@@ -123,8 +123,8 @@ class NaturalGradient(Optimizer):
         return elbo
 
     def gaussian(self) -> Gaussian:
-        q = self.site.moments(self._beams_in_log, self.model.c.item())
-        return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F.to(self.dtype))
+        q = self.site.moments(self._beams_in_log, self.model.c.item(), self.dtype)
+        return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F)
 
     def arrays(self) -> dict[str, np.ndarray]:
         return {
@@ -179,5 +179,5 @@ class _Buffers:
         double = torch.float64
         self.A = torch.empty((S, M), dtype=double, device=device)
         self.G = torch.empty((S, S), dtype=double, device=device)
-        self.G_single, self.F, self.H = torch.zeros((3, S, S), dtype=dtype, device=device)
+        self.G_single, self.H = torch.zeros((2, S, S), dtype=dtype, device=device)
         self.gradient = Model.zeros(S, dtype, device)

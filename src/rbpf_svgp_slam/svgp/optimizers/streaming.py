@@ -110,13 +110,13 @@ class Streaming(Optimizer):
 
     def gaussian(self) -> Gaussian:
         q = self.moments()
-        return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F.to(self.dtype))
+        return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F)
 
     def moments(self) -> Moments:
         """q(v) under the fixed model: Λ = I + o/σ²·Σa aᵀ, Λm = √o/σ²·Σa(y − c)."""
         _, o, noise = self.model.hyperparameters()
         shift = self._sum_depth - self.model.c.item() * self._sum_one
-        return moments(self._gram * (o / noise), shift * (math.sqrt(o) / noise), 1.0)
+        return moments(self._gram * (o / noise), shift * (math.sqrt(o) / noise), 1.0, self.dtype)
 
     def prior_inverse(self) -> Tensor:
         return self.fixed.L_inverse
