@@ -38,9 +38,22 @@ class NumberMap:
             self.value += float(beams.sum()) / beams_in_log
             self.iterations += 1
 
+    def rebuild(self, beams, beams_in_log, pause):
+        value = 0.0
+        for beam in beams:
+            with self.factory.alone():
+                value += float(beam.sum())
+            pause()
+        self.value = value
+        self.iterations += 1
+
     def predict(self, xy):
         with self.factory.alone():
             return self.value + xy[:, 0], np.full(len(xy), 0.5)
+
+    def copy(self):
+        with self.factory.alone():
+            return NumberMap(self.factory, self.value, self.iterations)
 
     def to_bytes(self):
         with self.factory.alone():
@@ -363,6 +376,48 @@ def test_predictions_are_refused_with_a_reason():
     stores[1].maps()[3].value = math.nan
     with pytest.raises(BadRequest, match="prediction of particle 3 is not finite"):
         stores[1].predict(0, [2, 3], np.zeros((2, 3, 2)))
+
+
+def long_rebuild(store, request):
+    """What a rebuild returns that a request comes in the midst of, and what the request does."""
+    answers = []
+
+    def ask():
+        answers.append(request())
+
+    asker = threading.Thread(target=ask, daemon=True)
+
+    class Beams(list):
+        """Starts the request with the first beam, and waits until it stands in line."""
+
+        def __iter__(self):
+            for i, beam in enumerate(list.__iter__(self)):
+                if i == 1:
+                    asker.start()
+                    while store._lock._requests_waiting == 0:
+                        time.sleep(0.001)
+                yield beam
+
+    done = store.rebuild(0, 0, Beams(BEAMS), 4)
+    asker.join(TIMEOUT_S)
+    return done, answers
+
+
+def test_a_rebuild_lets_predictions_in():
+    (store,) = make_stores(1, 1)
+    before = store.maps()[0].value
+    positions = np.zeros((1, 2, 2), dtype=np.float32)
+    done, (prediction,) = long_rebuild(store, lambda: store.predict(0, [0], positions))
+    np.testing.assert_allclose(prediction[0], before, rtol=1e-6)  # float32
+    assert done and store.maps()[0].value == BEAMS.sum()
+
+
+def test_a_resampling_ends_a_rebuild_without_effect():
+    (store,) = make_stores(2, 1)
+    before, steps = map_bytes([store]), store.steps
+    done, _ = long_rebuild(store, lambda: store.prepare(1, [1, 0], no_fetch, TIMEOUT_S))
+    assert not done and map_bytes([store]) == before
+    assert (store.steps, store.skipped_steps) == (steps, 0)
 
 
 def test_a_prediction_waits_for_one_step_at_most():

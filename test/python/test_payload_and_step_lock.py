@@ -51,3 +51,23 @@ def test_bad_payloads_are_refused_with_a_reason():
     with pytest.raises(BadRequest, match="maps has 5 bytes; expected 6, the sum of its sizes"):
         split("maps", b"12345", [2, 4])
     assert split("maps", b"12345", [2, 0, 3]) == [b"12", b"", b"345"]
+
+
+def test_a_long_step_lets_requests_in_where_it_gives_way():
+    lock, log = StepLock(), []
+
+    def request():
+        with lock.request():
+            log.append("request")
+
+    with lock.step():
+        lock.give_way()  # nobody waits
+        asker = threading.Thread(target=request, daemon=True)
+        asker.start()
+        while lock._requests_waiting == 0:
+            time.sleep(0.001)
+        log.append("first half")
+        lock.give_way()
+        log.append("second half")
+    asker.join(TIMEOUT_S)
+    assert log == ["first half", "request", "second half"]

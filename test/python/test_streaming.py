@@ -19,6 +19,7 @@ AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
 JITTER = 1e-2
 DOUBLE = SvgpConfig(inducing_points=25, optimizer="streaming", jitter=JITTER, dtype="float64")
 SMALL = SvgpConfig(inducing_points=64, minibatch_size=200, optimizer="streaming")
+SHARED = replace(SMALL, optimizer="natgrad", shared_hyperparameters=True, natgrad_model_period=10)
 
 kernels = pytest.mark.parametrize("kernel", ["matern12", "matern32", "matern52"])
 
@@ -151,6 +152,47 @@ def test_a_node_of_streaming_maps():
     assert factory.load(one.to_bytes())._optimizer.fixed is one._optimizer.fixed
 
 
+def test_copies_share_what_the_node_shares():
+    for config in (SMALL, SHARED):
+        factory, beams = factory_for(config), terrain(3000)
+        engine = factory.create()
+        if factory.teacher:
+            train(factory.teacher, beams, 20)
+            engine.rebuild(beams, len(beams))
+        else:
+            train(engine, beams, 20)
+        copy = engine.copy()
+        assert copy._optimizer.model is engine._optimizer.model
+        assert copy._group is engine._group
+        np.testing.assert_array_equal(copy.predict(beams[:9, :2]), engine.predict(beams[:9, :2]))
+        assert not copy.outdated
+
+
+def test_while_it_is_rebuilt_a_map_is_what_it_was():
+    factory, beams = factory_for(SMALL), terrain(4000)
+    engine, pauses = factory.create(), []
+    engine.take_in(beams[:500])  # under the first model, and with a reference of its own
+    train(factory.teacher, beams, 20)
+    before, prediction = engine.to_bytes(), engine.predict(beams[:9, :2])
+
+    def look():
+        pauses.append(engine.to_bytes() == before)
+        np.testing.assert_array_equal(engine.predict(beams[:9, :2]), prediction)
+
+    def give_up():
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        engine.rebuild(beams, len(beams), give_up)
+    assert engine.to_bytes() == before and engine.outdated
+    engine.rebuild(beams, len(beams), look)
+    assert pauses == 4 * [True]  # after each block of 1024
+    assert not engine.outdated
+    whole = factory.create()
+    whole.rebuild(beams, len(beams))
+    np.testing.assert_array_equal(engine.predict(beams[:9, :2]), whole.predict(beams[:9, :2]))
+
+
 def test_a_rebuild_from_a_sample_costs_less_than_two_percent():
     beams, truth = terrain(60000), terrain(3000, seed=5)
     truth[:, 2] = np.sin(truth[:, 0] / 4.0) + np.cos(truth[:, 1] / 5.0) - 30.0
@@ -167,9 +209,6 @@ def test_a_rebuild_from_a_sample_costs_less_than_two_percent():
 
 
 # One model for a node's maps
-
-
-SHARED = replace(SMALL, optimizer="natgrad", shared_hyperparameters=True, natgrad_model_period=10)
 
 
 def test_maps_that_share_their_model_factorise_it_once(monkeypatch):

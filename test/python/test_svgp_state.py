@@ -67,6 +67,24 @@ def test_training_goes_on_bit_for_bit(steps, dtype, optimizer):
         np.testing.assert_array_equal(ours, theirs)
 
 
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("optimizer", sorted(OPTIMIZERS))
+def test_a_copy_goes_on_as_the_original_does_and_neither_disturbs_the_other(optimizer, dtype):
+    original = train(SvgpMap(replace(CONFIG, dtype=dtype, optimizer=optimizer), AREA), 5)
+    before, prediction = original.to_bytes(), original.predict(np.eye(2))
+    copy = original.copy()
+    train(original, 5, seed=3)
+    assert copy.to_bytes() == before
+    np.testing.assert_array_equal(copy.predict(np.eye(2)), prediction)
+    after, prediction = original.to_bytes(), original.predict(np.eye(2))
+    train(copy, 5, seed=3)
+    assert copy.to_bytes() == after
+    np.testing.assert_array_equal(copy.predict(np.eye(2)), prediction)
+    train(copy, 1)
+    assert original.to_bytes() == after
+    np.testing.assert_array_equal(original.predict(np.eye(2)), prediction)
+
+
 def test_everything_is_restored():
     original, copy = trained(), SvgpMap.from_bytes(BYTES, CONFIG)
     for name in ("iterations", "skipped_steps", "ready", "objective", "noise_variance_m2"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import Any, Callable, ClassVar
 
 import numpy as np
 
@@ -72,10 +72,14 @@ class MapEngine(ABC):
         """The teacher has learned so much that a `rebuild` is due."""
         return False
 
-    def rebuild(self, beams: np.ndarray, beams_in_log: int) -> None:
+    def rebuild(
+        self, beams: np.ndarray, beams_in_log: int, pause: Callable[[], None] = lambda: None
+    ) -> None:
         """Start again with what the teacher knows now.
 
-        beams [n, 3]: the log's first `beams_in_log` beams, or a uniform sample of them.
+        beams [n, 3]: the log's first `beams_in_log` beams, or a uniform sample of them; pause:
+        called now and then, while the map is what it was. What that raises ends the rebuild, without
+        effect.
         """
         raise NotImplementedError(f"{type(self).__name__} learns from minibatches")
 
@@ -86,6 +90,10 @@ class MapEngine(ABC):
     @abstractmethod
     def support_points(self) -> np.ndarray:
         """Points [S, 3] (x, y, predicted z) that show where the map spends its memory."""
+
+    @abstractmethod
+    def copy(self) -> "MapEngine":
+        """A map of the same group that goes on from here, independently of this one."""
 
     @abstractmethod
     def to_bytes(self) -> bytes:

@@ -44,6 +44,10 @@ class _Resampling:
     ask_at_s: float = math.inf  # monotonic; the core is asked for the outcome from then on
 
 
+class _EpochOver(Exception):
+    """A piece of training has been overtaken by a resampling."""
+
+
 class MapStore:
     """Maps by particle. Training steps and requests may come from different threads.
 
@@ -94,18 +98,31 @@ class MapStore:
         return [particle for particle, engine in self._maps.items() if engine.outdated]
 
     def rebuild(self, particle: int, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
-        """One map again, from a sample [n, 3] of the log's beams; false as above."""
-        return self._work(epoch, particle, lambda engine: engine.rebuild(beams, beams_in_log))
+        """One map again, from a sample [n, 3] of the log's beams; false as above.
+
+        That takes long: requests are let in between. A resampling among them ends it, without effect.
+        """
+
+        def pause() -> None:
+            self._lock.give_way()
+            if not self._trains(epoch):
+                raise _EpochOver
+
+        return self._work(
+            epoch, particle, lambda engine: engine.rebuild(beams, beams_in_log, pause)
+        )
 
     def _work(self, epoch: int, particle: int | None, work: Callable[[MapEngine], None]) -> bool:
         """A piece of training, between two requests, unless the maps are of another epoch."""
         with self.turn():
-            if self._resampling is not None or epoch != self.epoch:
+            if not self._trains(epoch):
                 return False
             engine = self._factory.teacher if particle is None else self._maps[particle]
             skipped_before = engine.skipped_steps
             try:
                 work(engine)
+            except _EpochOver:
+                return False
             except Exception:
                 self.skipped_steps += 1
                 raise
@@ -113,6 +130,10 @@ class MapStore:
             self.skipped_steps += skipped
             self.steps += 1 - skipped
         return True
+
+    def _trains(self, epoch: int) -> bool:
+        """The maps are of that epoch, and no resampling is under way."""
+        return self._resampling is None and epoch == self.epoch
 
     @property
     def frozen(self) -> bool:
@@ -244,8 +265,8 @@ class MapStore:
     def _inherit(self, particle: int, ancestor: int, data: dict[int, bytes]) -> MapEngine:
         if particle == ancestor:
             return self._maps[particle]
-        if ancestor not in data:
-            data[ancestor] = self._maps[ancestor].to_bytes()
+        if ancestor in self.own:
+            return self._maps[ancestor].copy()
         return self._factory.load(data[ancestor])
 
     # Resampling, phase two

@@ -24,8 +24,7 @@ class StepLock:
     def step(self) -> Iterator[None]:
         """Hold the lock for one training step."""
         with self._turn:
-            self._turn.wait_for(lambda: not self._held and self._requests_waiting == 0)
-            self._held = True
+            self._take_turn()
         try:
             yield
         finally:
@@ -45,6 +44,20 @@ class StepLock:
             yield
         finally:
             self._release()
+
+    def give_way(self) -> None:
+        """In the midst of a step: let the requests that wait go first."""
+        with self._turn:
+            if self._requests_waiting == 0:
+                return
+        self._release()
+        with self._turn:
+            self._take_turn()
+
+    def _take_turn(self) -> None:
+        """With `_turn` held."""
+        self._turn.wait_for(lambda: not self._held and self._requests_waiting == 0)
+        self._held = True
 
     def _release(self) -> None:
         with self._turn:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import logging
 import math
@@ -124,30 +125,37 @@ class SvgpMap(MapEngine):
     def outdated(self) -> bool:
         return self._group.teacher is not None and self._optimizer.fixed is not self._group.model()
 
-    def rebuild(self, beams: np.ndarray, beams_in_log: int) -> None:
-        fixed, reference_m = self._group.model(), self._reference_m
+    def rebuild(
+        self, beams: np.ndarray, beams_in_log: int, pause: Callable[[], None] = lambda: None
+    ) -> None:
+        fixed = self._group.model()
         # The model's c counts from the teacher's reference.
-        self._reference_m = self._group.teacher._reference_m
-        skipped = self.skipped_steps
-        self._step(beams, lambda X, y: self._optimizer.rebuild(fixed, X, y, beams_in_log))
-        if self.skipped_steps > skipped:
-            self._reference_m = reference_m
+        self._step(
+            beams,
+            lambda X, y: self._optimizer.rebuild(fixed, X, y, beams_in_log, pause),
+            self._group.teacher._reference_m,
+        )
 
     def _step(
-        self, beams: np.ndarray, step: Callable[[torch.Tensor, torch.Tensor], float | None]
+        self,
+        beams: np.ndarray,
+        step: Callable[[torch.Tensor, torch.Tensor], float | None],
+        reference_m: float | None = None,
     ) -> None:
-        """One step of the optimizer on beams [n, 3], undone and counted if it is not finite."""
+        """One step of the optimizer on beams [n, 3], undone and counted if it is not finite.
+
+        reference_m: what depths count from, from this step on, if that changes.
+        """
         beams = _checked(beams, 3, "beams")
         if len(beams) == 0:
             raise ValueError("beams has shape (0, 3); expected at least one beam")
         # From the first step on the depths are small numbers, at 10 m of water as at 3000 m.
-        reference_m = self._reference_m
+        reference_m = self._reference_m if reference_m is None else reference_m
         if math.isnan(reference_m):
             reference_m = float(beams[:, 2].mean(dtype=np.float64))
         X = self._tensor(beams[:, :2])
         y = self._tensor(beams[:, 2].astype(np.float64) - reference_m)
-        # Denormals, as of the kernel at large distances, take many CPUs far longer than numbers.
-        torch.set_flush_denormal(True)
+        _flush_denormals()
         try:
             elbo = step(X, y)
         except (NotFinite, NotPositiveDefinite) as error:
@@ -164,6 +172,7 @@ class SvgpMap(MapEngine):
     def predict(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         X = self._tensor(_checked(xy, 2, "xy"))
         optimizer = self._optimizer
+        _flush_denormals()
         if self._posterior is None or self._posterior_stamp is not optimizer.stamp:
             self._posterior = Posterior(
                 optimizer.model, optimizer.gaussian(), self.config.kernel, optimizer.prior_inverse()
@@ -176,6 +185,15 @@ class SvgpMap(MapEngine):
     def support_points(self) -> np.ndarray:
         Z = self._optimizer.model.Z.cpu().numpy().astype(float)
         return np.column_stack([Z, self.predict(Z)[0]])
+
+    def copy(self) -> SvgpMap:
+        twin = copy.copy(self)
+        twin._optimizer = self._optimizer.copy()
+        twin._convergence = copy.deepcopy(self._convergence)
+        twin._posterior = (
+            None  # the original's reads parameters that the original goes on to change
+        )
+        return twin
 
     def to_bytes(self) -> bytes:
         convergence = self._convergence
@@ -233,6 +251,11 @@ class SvgpMap(MapEngine):
         """In this map's precision, where this map lives."""
         optimizer, contiguous = self._optimizer, np.ascontiguousarray(array)
         return torch.as_tensor(contiguous, dtype=optimizer.dtype, device=optimizer.device)
+
+
+def _flush_denormals() -> None:
+    """In this thread: as of the kernel at large distances, they take many CPUs very long."""
+    torch.set_flush_denormal(True)
 
 
 def _checked(points: np.ndarray, columns: int, name: str) -> np.ndarray:

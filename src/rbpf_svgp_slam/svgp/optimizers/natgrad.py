@@ -126,6 +126,9 @@ class NaturalGradient(Optimizer):
         q = self.site.moments(self._beams_in_log, self.model.c.item(), self.dtype)
         return Gaussian.from_inverse_root(q.m.to(self.dtype), q.F)
 
+    def _shared(self) -> list[object]:
+        return [self.config, self._learned] if self._shares else [self.config]
+
     def arrays(self) -> dict[str, np.ndarray]:
         return {
             **self._learned.arrays(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 from abc import ABC, abstractmethod
@@ -74,6 +75,14 @@ class Optimizer(ABC):
         """L⁻¹ [S, S] of the model as it stands, not to be changed."""
         config, S = self.config, self.config.inducing_points
         return Prior(S, config.kernel, config.jitter, self.dtype, self.device).factorise(self.model)
+
+    def copy(self) -> Optimizer:
+        """One in the same state that goes on independently, but for what the maps share."""
+        return copy.deepcopy(self, {id(one): one for one in self._shared()})
+
+    def _shared(self) -> list[object]:
+        """What copies have in common."""
+        return [self.config]
 
     @abstractmethod
     def arrays(self) -> dict[str, np.ndarray]:

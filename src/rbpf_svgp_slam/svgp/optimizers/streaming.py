@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import Mapping
+from typing import Callable, Mapping
 
 import numpy as np
 import torch
@@ -49,6 +49,20 @@ class FixedModel:
         return self._L_inverse
 
 
+class Sums:
+    """Over beams, of a aᵀ [S, S], a·y [S] and a [S], all in double precision."""
+
+    def __init__(self, inducing_points: int, device: torch.device) -> None:
+        S, double = inducing_points, torch.float64
+        self.gram = torch.zeros((S, S), dtype=double, device=device)
+        self.depth, self.one = torch.zeros((2, S), dtype=double, device=device)
+
+    def scale(self, factor: float) -> None:
+        """As of so many times the beams."""
+        for total in (self.gram, self.depth, self.one):
+            total.mul_(factor)
+
+
 class Streaming(Optimizer):
     """Takes in every beam once; for a fixed model q(v) is then exactly the best there is.
 
@@ -72,11 +86,10 @@ class Streaming(Optimizer):
 
     def __init__(self, config: SvgpConfig) -> None:
         super().__init__(config)
-        S, double = config.inducing_points, torch.float64
+        S = config.inducing_points
         #: The model and what depends on it alone.
         self.fixed = FixedModel(config, Model.zeros(S, self.dtype, self.device).flat)
-        self._gram = torch.zeros((S, S), dtype=double, device=self.device)
-        self._sum_depth, self._sum_one = torch.zeros((2, S), dtype=double, device=self.device)
+        self._sums = Sums(S, self.device)
         #: Index in the log of the first beam that has not been taken in.
         self.next_beam = 0
 
@@ -94,19 +107,26 @@ class Streaming(Optimizer):
 
     def fold(self, X: Tensor, y: Tensor) -> None:
         expect_squares(y)
-        self._add(X, y)
+        self._add(X, y, self.fixed, self._sums)
         self.next_beam += len(y)
 
-    def rebuild(self, fixed: FixedModel, X: Tensor, y: Tensor, N: int) -> None:
-        """The sums under another model, for the log's first N beams, of which X, y are a sample."""
+    def rebuild(
+        self,
+        fixed: FixedModel,
+        X: Tensor,
+        y: Tensor,
+        N: int,
+        pause: Callable[[], None] = lambda: None,
+    ) -> None:
+        """The sums under another model, for the log's first N beams, of which X, y are a sample.
+
+        pause: called after each block, while everything is as it was.
+        """
         expect_squares(y)
-        self.fixed = fixed
-        for sums in (self._gram, self._sum_depth, self._sum_one):
-            sums.zero_()
-        self._add(X, y)
-        for sums in (self._gram, self._sum_depth, self._sum_one):
-            sums.mul_(N / len(y))
-        self.next_beam = N
+        sums = Sums(self.config.inducing_points, self.device)
+        self._add(X, y, fixed, sums, pause)
+        sums.scale(N / len(y))
+        self.fixed, self._sums, self.next_beam = fixed, sums, N
 
     def gaussian(self) -> Gaussian:
         q = self.moments()
@@ -114,9 +134,12 @@ class Streaming(Optimizer):
 
     def moments(self) -> Moments:
         """q(v) under the fixed model: Λ = I + o/σ²·Σa aᵀ, Λm = √o/σ²·Σa(y − c)."""
-        _, o, noise = self.model.hyperparameters()
-        shift = self._sum_depth - self.model.c.item() * self._sum_one
-        return moments(self._gram * (o / noise), shift * (math.sqrt(o) / noise), 1.0, self.dtype)
+        (_, o, noise), sums = self.model.hyperparameters(), self._sums
+        shift = (sums.depth - self.model.c.item() * sums.one) / math.sqrt(o)
+        return moments(sums.gram, shift, o / noise, self.dtype)
+
+    def _shared(self) -> list[object]:
+        return [self.config, self.fixed]
 
     def prior_inverse(self) -> Tensor:
         return self.fixed.L_inverse
@@ -124,29 +147,39 @@ class Streaming(Optimizer):
     def arrays(self) -> dict[str, np.ndarray]:
         return {
             "model": self.model.flat.cpu().numpy(),
-            "gram": packed(self._gram),
-            "sum_depth": self._sum_depth.cpu().numpy(),
-            "sum_one": self._sum_one.cpu().numpy(),
+            "gram": packed(self._sums.gram),
+            "sum_depth": self._sums.depth.cpu().numpy(),
+            "sum_one": self._sums.one.cpu().numpy(),
             "next_beam": np.array(self.next_beam),
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        S, model = len(self._sum_one), Model.zeros(len(self._sum_one), self.dtype, self.device)
-        fill(arrays, model=model.flat, sum_depth=self._sum_depth, sum_one=self._sum_one)
-        unpack(checked(arrays, "gram", S * (S + 1) // 2), self._gram)
+        S, sums = self.config.inducing_points, self._sums
+        model = Model.zeros(S, self.dtype, self.device)
+        fill(arrays, model=model.flat, sum_depth=sums.depth, sum_one=sums.one)
+        unpack(checked(arrays, "gram", S * (S + 1) // 2), sums.gram)
         self.fixed = FixedModel(self.config, model.flat)
         self.next_beam = arrays["next_beam"].item()
 
-    def _add(self, X: Tensor, y: Tensor) -> None:
-        lengthscale = self.model.hyperparameters()[0]
+    def _add(
+        self,
+        X: Tensor,
+        y: Tensor,
+        fixed: FixedModel,
+        sums: Sums,
+        pause: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Add beams X [n, 2], y [n] to sums under a model; pause: called after each block."""
+        lengthscale = fixed.model.hyperparameters()[0]
         for X_part, y_part in zip(X.split(BLOCK), y.split(BLOCK)):
             correlation, white, product = self._buffers(len(y_part))
-            rho = correlation.evaluate(self.model.Z, X_part, lengthscale)
+            rho = correlation.evaluate(fixed.model.Z, X_part, lengthscale)
             # Single precision in a is harmless: the sum of any a aᵀ is positive.
-            A = linalg.product_with_lower(self.fixed.L_inverse, rho, white).double()
-            self._gram.add_(linalg.gram(A, product))
-            self._sum_depth.add_(torch.mv(A, y_part.double()))
-            self._sum_one.add_(A.sum(1))
+            A = linalg.product_with_lower(fixed.L_inverse, rho, white).double()
+            sums.gram.add_(linalg.gram(A, product))
+            sums.depth.add_(torch.mv(A, y_part.double()))
+            sums.one.add_(A.sum(1))
+            pause()
 
     def _buffers(self, n: int) -> tuple[Correlation, Tensor, Tensor]:
         """This thread's work space for n beams; maps share it."""
