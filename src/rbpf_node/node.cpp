@@ -123,16 +123,17 @@ bool SlamNode::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& 
 
 rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   rbpf_svgp_slam::FilterStatus status;
-  const rbpf_core::Counters counters = filter_.counters();
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
+  const rbpf_core::Counters& counters = filter.counters();
   const LoopClosureStatistics closures = loop_.statistics();
   const MapsState maps = maps_.state(loop_.epoch());
-  const Eigen::ArrayXd weights = filter_.logWeights().exp();
+  const Eigen::ArrayXd weights = filter.logWeights().exp();
   Eigen::Index best = 0;
   weights.maxCoeff(&best);
   {
     const std::lock_guard lock(mutex_);
     status.header.stamp = last_odometry_;
-    status.pings_waiting = pings_without_mount_.size() + filter_.pingsWaiting();
+    status.pings_waiting = pings_without_mount_.size() + filter.pingsWaiting();
     status.pings_dropped = pings_missed_ + counters.pings_dropped;
     status.pings_rejected = pings_malformed_ + counters.pings_rejected;
   }
@@ -140,9 +141,9 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   status.particles = static_cast<std::uint32_t>(params_.filter.particles);
   status.nodes = static_cast<std::uint32_t>(params_.nodes);
   status.odometry_messages = counters.odometry_messages;
-  status.pings = filter_.pings();
-  status.beams = filter_.beams();
-  status.beams_held_out = filter_.beamsHeldOut();
+  status.pings = filter.pings();
+  status.beams = filter.beams();
+  status.beams_held_out = filter.beamsHeldOut();
   status.beams_rejected = counters.beams_rejected;
   status.epoch = loop_.epoch();
   status.prompts = closures.prompts;
