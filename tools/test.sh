@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Sets up, checks the style, runs gtest (also under sanitizers), pytest and rostest, and ends with the counts.
+# Sets up, checks the style, runs gtest (also under sanitizers), pytest and rostest, and ends with
+# the counts.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tools/setup.sh --test

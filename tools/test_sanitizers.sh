@@ -7,7 +7,7 @@ export PATH=/usr/bin:/bin:$PATH
 results=$1
 
 for sanitizers in thread address,undefined; do
-  build=build/sanitize/$sanitizers
+  build=build/sanitize/${sanitizers//,/_}  # a comma would split the linker's arguments
   mkdir -p "$build"
   {
     cmake -S . -B "$build" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Release \
@@ -16,5 +16,5 @@ for sanitizers in thread address,undefined; do
   } >"$build/build.log" 2>&1 || { cat "$build/build.log"; exit 1; }
   echo "-- $sanitizers"
   "$build/devel/lib/rbpf_svgp_slam/test_rbpf_core" --gtest_brief=1 \
-    --gtest_output="xml:$results/test_rbpf_core.$sanitizers.xml"
+    --gtest_output="xml:$results/test_rbpf_core.${sanitizers//,/_}.xml"
 done
