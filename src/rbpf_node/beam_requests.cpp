@@ -64,14 +64,15 @@ void answer(const rbpf_core::ParticleFilter& filter, const GetMinibatches::Reque
             GetMinibatches::Response* response) {
   response->message = problemWith(request, filter.particleCount());
   if (!response->message.empty()) return;
+  response->beams_in_log = filter.beamsReleased();  // all that a request for no particle asks for
   std::vector<rbpf_core::PlacedBeam> beams(request.particles.size() * request.size);
   for (std::size_t p = 0; p < request.particles.size(); ++p) {
     response->beams_in_log =
         filter.drawMinibatch(request.particles[p], request.size, beams.data() + p * request.size);
-    if (response->beams_in_log == 0) {
-      response->message = kNoBeams;
-      return;
-    }
+  }
+  if (response->beams_in_log == 0) {
+    response->message = kNoBeams;
+    return;
   }
   appendBytes(beams.data(), beams.size(), &response->beams);
 }

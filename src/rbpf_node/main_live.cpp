@@ -28,7 +28,8 @@ int main(int argc, char** argv) {
         input.subscribe("odom", kInputQueue, &rbpf_node::SlamNode::handleOdometry, &slam);
     const auto pings =
         input.subscribe("mbes/pings", kInputQueue, &rbpf_node::SlamNode::handlePing, &slam);
-    spinning.start(params.nodes);
+    slam.maps().listen();
+    spinning.start(params.nodes + 1);  // one more for whoever exports the survey
     while (ros::ok()) {
       slam.loopClosureLoop().promptIfDue();
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

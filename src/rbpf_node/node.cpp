@@ -29,7 +29,7 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
       services_(private_node, filter_, loop_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()) {
-  finish_server_ = private_node.advertiseService("finish", &SlamNode::finish, this);
+  finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
   diagnostics_.add("filter", [this](auto& report) { diagnoseFilter(report); });
@@ -111,8 +111,8 @@ void SlamNode::handOnPings() {
   }
 }
 
-bool SlamNode::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  filter_.finish();
+bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  finish();
   response.success = true;
   response.message =
       std::to_string(filter_.pings()) + " pings, " + std::to_string(filter_.beams()) + " beams";

@@ -27,14 +27,16 @@ class SlamNode {
   void handleOdometry(const nav_msgs::Odometry::ConstPtr& message);
   void handlePing(const sensor_msgs::PointCloud2::ConstPtr& message);
 
+  void finish() { filter_.finish(); }  // the survey is over
+
   tf2_ros::Buffer& transforms() { return transforms_; }
+  MapNodes& maps() { return maps_; }
   LoopClosureLoop& loopClosureLoop() { return loop_; }
-  const Services& services() const { return services_; }
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
   void handOnPings();
-  bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void countGap(std::uint32_t seq);
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
