@@ -34,7 +34,7 @@ for binary in build/devel/lib/rbpf_svgp_slam/test_*; do
   step "gtest $name" "$binary" --gtest_brief=1 --gtest_output="xml:$results/$name.xml"
 done
 step "sanitizers" tools/test_sanitizers.sh "$results"
-step "pytest" python3 -m pytest -q -p no:cacheprovider --junitxml="$results/pytest.xml"
+step "pytest" python3 -m pytest -q -rs -p no:cacheprovider --junitxml="$results/pytest.xml"
 for file in test/ros/*.test; do
   name=$(basename "$file" .test)
   step "rostest $name" rostest --results-base-dir="$results" --results-filename="$name.xml" "$file"
