@@ -21,7 +21,8 @@ int main(int argc, char** argv) {
     // Input has a thread of its own: it never waits for services, publications or the map nodes.
     rbpf_node::Spinning spinning;
     const auto params = rbpf_node::loadParameters(spinning.node());
-    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
+    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
+                             rbpf_node::Input::kLive);
     const tf2_ros::TransformListener listener(slam.transforms());
     ros::NodeHandle input = spinning.inputNode();
     const auto odometry =

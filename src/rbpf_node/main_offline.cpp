@@ -21,7 +21,8 @@ int main(int argc, char** argv) {
                                "offline.launch: they would not wait for the replay");
     }
     const auto params = rbpf_node::loadParameters(spinning.node());
-    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
+    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
+                             rbpf_node::Input::kBag);
     rbpf_node::OfflineReplay replay(own, params, &slam);
     // a map node may wait for its turn while an earlier call, cut off, still waits
     spinning.start(2 * params.nodes + 1);

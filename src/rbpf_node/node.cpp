@@ -21,8 +21,10 @@ double peakResidentMb() {
 
 }  // namespace
 
-SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params)
+SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
+                   Input input)
     : params_(params),
+      input_(input),
       filter_(params.filter),
       maps_(node, params),
       loop_(filter_, maps_, params),
@@ -56,6 +58,7 @@ void SlamNode::handleOdometry(const nav_msgs::Odometry::ConstPtr& message) {
                (stamp - last_odometry_).toSec(), stamp.toSec());
     }
     last_odometry_ = stamp;
+    notePingAges();
   }
   publishers_.publishPose(message->header.stamp);
 }
@@ -109,6 +112,15 @@ void SlamNode::handOnPings() {
     }
     pings_without_mount_.pop_front();
   }
+  notePingAges();
+}
+
+void SlamNode::notePingAges() {
+  if (input_ == Input::kBag) return;
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
+  for (; pings_noted_ < filter.pings(); ++pings_noted_) {
+    ages_.add(ros::Time::now().toSec() - filter.record(pings_noted_).stamp_s);
+  }
 }
 
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -136,6 +148,8 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
     status.pings_waiting = pings_without_mount_.size() + filter.pingsWaiting();
     status.pings_dropped = pings_missed_ + counters.pings_dropped;
     status.pings_rejected = pings_malformed_ + counters.pings_rejected;
+    status.ping_age_p99_s = ages_.quantile(0.99);
+    status.ping_age_max_s = ages_.quantile(1.0);
   }
   status.header.frame_id = params_.frames.map;
   status.particles = static_cast<std::uint32_t>(params_.filter.particles);
@@ -190,6 +204,7 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("pings waiting", now.pings_waiting);
   report.add("pings dropped", now.pings_dropped);
   report.add("pings rejected", now.pings_rejected);
+  report.add("ping age, 99th percentile (s)", now.ping_age_p99_s);
   report.add("beams", now.beams);
   report.add("beams rejected", now.beams_rejected);
 }
