@@ -24,6 +24,8 @@ SECTIONS = {
     "svgp.conditioning": "bench.svgp.conditioning",
     "svgp.common_random_numbers": "bench.svgp.common_random_numbers",
     "svgp.streaming": "bench.svgp.streaming",
+    "core.log_and_histories": "bench.core.log_and_histories",
+    "core.ingest": "bench.core.ingest",
 }
 
 

@@ -30,10 +30,17 @@ def master() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def running(command: list[str], log: Path) -> Iterator[subprocess.Popen]:
-    """A process that is interrupted in the end; all that it prints goes to a file."""
+def running(
+    command: list[str], log: Path, environment: dict[str, str] | None = None
+) -> Iterator[subprocess.Popen]:
+    """A process that is interrupted in the end; all that it prints goes to a file.
+
+    environment: the process's own, in place of ours.
+    """
     with log.open("w") as output:
-        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(
+            command, stdout=output, stderr=subprocess.STDOUT, env=environment
+        )
     try:
         yield process
     finally:

@@ -14,6 +14,7 @@ case ${1:-} in
 esac
 if $test || $bench; then
   shift
+  set -- -DRBPF_BENCH=ON "$@"
 fi
 
 mapfile -t packages < <(grep -v '^#' tools/packages.txt)

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Sets up, checks the style, runs gtest, pytest and rostest, and ends with the counts.
+# Sets up, checks the style, runs gtest (also under sanitizers), pytest and rostest, and ends with
+# the counts.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tools/setup.sh --test
@@ -32,7 +33,8 @@ for binary in build/devel/lib/rbpf_svgp_slam/test_*; do
   name=$(basename "$binary")
   step "gtest $name" "$binary" --gtest_brief=1 --gtest_output="xml:$results/$name.xml"
 done
-step "pytest" python3 -m pytest -q -p no:cacheprovider --junitxml="$results/pytest.xml"
+step "sanitizers" tools/test_sanitizers.sh "$results"
+step "pytest" python3 -m pytest -q -rs -p no:cacheprovider --junitxml="$results/pytest.xml"
 for file in test/ros/*.test; do
   name=$(basename "$file" .test)
   step "rostest $name" rostest --results-base-dir="$results" --results-filename="$name.xml" "$file"

@@ -1,6 +1,22 @@
 #include "rbpf_core/minibatch.hpp"
 
+#include <algorithm>
+#include <array>
+
 namespace rbpf_core {
+
+namespace {
+
+// A hint; a no-op where the compiler has none.
+void prefetch(const void* address) {
+#if defined(__GNUC__)
+  __builtin_prefetch(address);
+#else
+  (void)address;
+#endif
+}
+
+}  // namespace
 
 PlacedBeam place(const LoggedBeam& beam, const HistoryPose& pose, const Origin& origin) {
   const float east_m = pose.cos_yaw * beam.x_m - pose.sin_yaw * beam.y_m;
@@ -9,24 +25,35 @@ PlacedBeam place(const LoggedBeam& beam, const HistoryPose& pose, const Origin& 
           static_cast<float>(pose.y_m - origin.y_m) + north_m, beam.z_m};
 }
 
-void drawMinibatch(const MbesLog& log, std::size_t beams, const TrajectoryHistories& histories,
-                   std::size_t particle, const Origin& origin, RandomStream stream,
-                   std::size_t size, PlacedBeam* out) {
-  for (std::size_t i = 0; i < size; ++i) {
-    const LoggedBeam& beam = log[stream.below(beams)];
-    out[i] = place(beam, histories.at(particle, beam.ping), origin);
+void drawMinibatch(const MbesLog& log, std::size_t beams, const Pasts& pasts, std::size_t particle,
+                   const Origin& origin, RandomStream stream, std::size_t size, PlacedBeam* out) {
+  // Random beams and their poses are nowhere near the processor. In three passes over a handful of
+  // draws it waits for all of the handful at once.
+  constexpr std::size_t kHandful = 64;
+  std::array<const LoggedBeam*, kHandful> beam{};
+  std::array<const HistoryPose*, kHandful> pose{};
+  for (std::size_t first = 0; first < size; first += kHandful) {
+    const std::size_t n = std::min(kHandful, size - first);
+    for (std::size_t i = 0; i < n; ++i) {
+      beam[i] = &log[stream.below(beams)];
+      prefetch(beam[i]);
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      pose[i] = &pasts.at(particle, beam[i]->slot);
+      prefetch(pose[i]);
+    }
+    for (std::size_t i = 0; i < n; ++i) out[first + i] = place(*beam[i], *pose[i], origin);
   }
 }
 
-void placeBlock(const MbesLog& log, std::size_t first, std::size_t size,
-                const TrajectoryHistories& histories, std::size_t particle, const Origin& origin,
-                PlacedBeam* out) {
+void placeBlock(const MbesLog& log, std::size_t first, std::size_t size, const Pasts& pasts,
+                std::size_t particle, const Origin& origin, PlacedBeam* out) {
   const std::size_t end = first + size;
   for (std::size_t i = first; i < end;) {
     // a ping's beams follow one another: one look-up for all of them
-    const std::uint32_t ping = log[i].ping;
-    const HistoryPose& pose = histories.at(particle, ping);
-    for (; i < end && log[i].ping == ping; ++i) *out++ = place(log[i], pose, origin);
+    const PoseSlot slot = log[i].slot;
+    const HistoryPose& pose = pasts.at(particle, slot);
+    for (; i < end && log[i].slot == slot; ++i) *out++ = place(log[i], pose, origin);
   }
 }
 

@@ -1,7 +1,7 @@
-// h_t: the particles' pasts, as vectors of pointers to shared, immutable segments (the paper's Fig.
-// 2).
+// h_t: the particles' pasts, as vectors of pointers to shared segments (the paper's Fig. 2).
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -23,42 +23,86 @@ struct HistoryPose {
   Pose2 pose() const { return {x_m, y_m, std::atan2(sin_yaw, cos_yaw)}; }
 };
 
-// One pose per particle and ping. The segment a ping falls into is the same for all particles
-// and stands in one common vector, so that a lookup costs the same after any number of resamplings.
+// Where a ping's pose stands in every particle's past: segment and place within it, in one number.
+// Slots rise from ping to ping, with gaps where a resampling has closed a segment early.
+using PoseSlot = std::uint32_t;
+
+// A stretch of one particle's trajectory that its descendants share. Written once, from its front.
+struct Segment {
+  static constexpr std::size_t kPoses = 64;  // 1.5 kB: short enough to be closed half full
+
+  std::array<HistoryPose, kPoses> poses;
+};
+
+// The pasts of all particles, between two resamplings: a pose is found in the same two steps,
+// whatever their number. Poses below a slot that has been told of may be read by any thread while
+// further ones are appended.
+class Pasts {
+ public:
+  const HistoryPose& at(std::size_t particle, PoseSlot slot) const {
+    const std::size_t segment = particle * capacity_ + slot / Segment::kPoses;
+    return segments_[segment]->poses[slot % Segment::kPoses];
+  }
+
+  std::size_t particles() const { return particles_; }
+
+ private:
+  friend class TrajectoryHistories;
+
+  Pasts(std::size_t particles, std::size_t capacity)
+      : particles_(particles), capacity_(capacity), segments_(particles * capacity) {}
+  std::shared_ptr<Segment>& segment(std::size_t particle, std::size_t number) {
+    return segments_[particle * capacity_ + number];
+  }
+
+  const std::size_t particles_;
+  const std::size_t capacity_;                      // segments that each particle can have
+  std::vector<std::shared_ptr<Segment>> segments_;  // [J, capacity]
+};
+
+// One pose per particle and ping. A resampling copies pointers, never poses; segments that no
+// particle points to are freed.
 class TrajectoryHistories {
  public:
   explicit TrajectoryHistories(std::size_t particles);
 
   // The poses of all particles at the next ping, [J].
-  void append(const std::vector<Pose2>& poses);
+  PoseSlot append(const std::vector<Pose2>& poses);
 
-  // Particle j goes on from the past of ancestors[j]: pointers are copied, never poses.
-  // Throws std::invalid_argument unless there are J ancestors, each below J.
-  void resample(const std::vector<std::uint32_t>& ancestors);
+  // Particle j goes on from the past of ancestors[j]. Throws std::invalid_argument unless there
+  // are J ancestors, each below J.
+  void resample(const std::vector<std::uint32_t>& ancestors) { succeed(heirs(ancestors, now())); }
 
-  const HistoryPose& at(std::size_t particle, std::size_t ping) const {
-    const std::uint32_t segment = segment_of_ping_[ping];
-    const std::size_t within = ping - segment_start_[segment];
-    const Past& past = pasts_[particle];
-    return segment < past.closed.size() ? (*past.closed[segment])[within] : past.open[within];
+  // The same in two steps. The first, and longer, may be taken while poses are appended to the
+  // histories that it started from; the second brings in the segments begun since.
+  struct Stand {
+    std::shared_ptr<const Pasts> pasts;
+    std::size_t segments;
+  };
+  struct Heirs {
+    std::vector<std::uint32_t> ancestors;
+    std::shared_ptr<Pasts> pasts;
+    std::size_t segments;  // inherited so far
+  };
+  Stand now() const { return {pasts_, lengths_.size()}; }
+  static Heirs heirs(const std::vector<std::uint32_t>& ancestors, const Stand& stand);
+  void succeed(Heirs heirs);
+
+  const HistoryPose& at(std::size_t particle, PoseSlot slot) const {
+    return pasts_->at(particle, slot);
   }
-
-  std::size_t particles() const { return pasts_.size(); }
-  std::size_t pings() const { return segment_of_ping_.size(); }
+  std::shared_ptr<const Pasts> pasts() const { return pasts_; }
+  std::size_t particles() const { return pasts_->particles(); }
 
   // Poses kept in memory now: shared ones count once.
   std::size_t storedPoses() const;
 
  private:
-  using Segment = std::vector<HistoryPose>;
-  struct Past {
-    std::vector<std::shared_ptr<const Segment>> closed;
-    Segment open;  // since the last resampling
-  };
+  void openSegment();
 
-  std::vector<Past> pasts_;
-  std::vector<std::size_t> segment_start_{0};   // index of each segment's first ping
-  std::vector<std::uint32_t> segment_of_ping_;  // common to all particles
+  std::shared_ptr<Pasts> pasts_;
+  std::vector<std::uint32_t> lengths_;  // of the segments, common to all particles
+  bool closed_ = true;                  // nothing is appended to the last segment any more
 };
 
 }  // namespace rbpf_core

@@ -64,22 +64,23 @@ void answer(const rbpf_core::ParticleFilter& filter, const GetMinibatches::Reque
             GetMinibatches::Response* response) {
   response->message = problemWith(request, filter.particleCount());
   if (!response->message.empty()) return;
+  const rbpf_core::FilterSnapshot snapshot = filter.snapshot();
+  response->beams_in_log = snapshot.beamsReleased();
+  if (response->beams_in_log == 0) {
+    response->message = kNoBeams;
+    return;
+  }
   std::vector<rbpf_core::PlacedBeam> beams(request.particles.size() * request.size);
   for (std::size_t p = 0; p < request.particles.size(); ++p) {
-    response->beams_in_log =
-        filter.drawMinibatch(request.particles[p], request.size, beams.data() + p * request.size);
-    if (response->beams_in_log == 0) {
-      response->message = kNoBeams;
-      return;
-    }
+    snapshot.drawMinibatch(request.particles[p], request.size, beams.data() + p * request.size);
   }
   appendBytes(beams.data(), beams.size(), &response->beams);
 }
 
 void answer(const rbpf_core::ParticleFilter& filter, const GetBeams::Request& request,
             GetBeams::Response* response) {
-  // N is read once, so that it is the same for all particles: beams are never taken back.
-  const std::size_t beams_in_log = filter.beamsReleased();
+  const rbpf_core::FilterSnapshot snapshot = filter.snapshot();
+  const std::size_t beams_in_log = snapshot.beamsReleased();
   response->beams_in_log = beams_in_log;
   response->message = problemWith(request, filter.particleCount(), beams_in_log);
   if (response->message.empty() && beams_in_log == 0) response->message = kNoBeams;
@@ -92,7 +93,7 @@ void answer(const rbpf_core::ParticleFilter& filter, const GetBeams::Request& re
       std::accumulate(response->counts.begin(), response->counts.end(), std::size_t{0}));
   rbpf_core::PlacedBeam* next = beams.data();
   for (std::size_t p = 0; p < request.particles.size(); ++p) {
-    filter.placeBlock(request.particles[p], request.first[p], response->counts[p], next);
+    snapshot.placeBlock(request.particles[p], request.first[p], response->counts[p], next);
     next += response->counts[p];
   }
   appendBytes(beams.data(), beams.size(), &response->beams);

@@ -56,14 +56,14 @@ void LoopClosureLoop::skip(const std::string& why) {
   statistics_.message = why;
 }
 
-bool LoopClosureLoop::due(double stamp_s) const {
-  return params_.loop_closure_rate_hz > 0.0 &&
-         stamp_s - last_prompt_s_ >= 1.0 / params_.loop_closure_rate_hz;
+bool LoopClosureLoop::promptIsDue() const {
+  const auto stamp_s = filter_.latestPingStamp();
+  return stamp_s && params_.loop_closure_rate_hz > 0.0 &&
+         *stamp_s - last_prompt_s_ >= 1.0 / params_.loop_closure_rate_hz;
 }
 
 void LoopClosureLoop::promptIfDue() {
-  const auto stamp_s = filter_.latestPingStamp();
-  if (!stamp_s || !due(*stamp_s)) return;
+  if (!promptIsDue()) return;
   const auto ping = filter_.latestPing();  // all particles' poses: not to be copied at every look
   last_prompt_s_ = ping->stamp_s;
   const MapsState maps = maps_.state(epoch_);

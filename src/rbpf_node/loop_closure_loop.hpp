@@ -35,13 +35,13 @@ class LoopClosureLoop {
   // Prompts if the latest ping is at least 1/rate younger than the last prompt's. Waits for the map
   // nodes, never for the filter. To be called from one thread, as often as you like.
   void promptIfDue();
+  bool promptIsDue() const;  // by that thread too
 
   std::uint32_t epoch() const { return epoch_; }   // resamplings committed
   bool resampling() const { return resampling_; }  // one is being carried out
   LoopClosureStatistics statistics() const;
 
  private:
-  bool due(double stamp_s) const;
   void prompt(const rbpf_core::PlacedPing& ping);
   void resampleIfDepleted();
   void resample(const std::vector<std::uint32_t>& ancestors);

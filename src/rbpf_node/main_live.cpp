@@ -21,14 +21,16 @@ int main(int argc, char** argv) {
     // Input has a thread of its own: it never waits for services, publications or the map nodes.
     rbpf_node::Spinning spinning;
     const auto params = rbpf_node::loadParameters(spinning.node());
-    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
+    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
+                             rbpf_node::Input::kLive);
     const tf2_ros::TransformListener listener(slam.transforms());
     ros::NodeHandle input = spinning.inputNode();
     const auto odometry =
         input.subscribe("odom", kInputQueue, &rbpf_node::SlamNode::handleOdometry, &slam);
     const auto pings =
         input.subscribe("mbes/pings", kInputQueue, &rbpf_node::SlamNode::handlePing, &slam);
-    spinning.start(params.nodes);
+    slam.maps().listen();
+    spinning.start(params.nodes + 1);  // one more for whoever exports the survey
     while (ros::ok()) {
       slam.loopClosureLoop().promptIfDue();
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <stdexcept>
 
 #include "rbpf_node/node.hpp"
 #include "rbpf_node/offline_replay.hpp"
@@ -13,14 +14,22 @@ int main(int argc, char** argv) {
   ros::init(argc, argv, "rbpf_core");
   try {
     rbpf_node::Spinning spinning;
-    const auto params = rbpf_node::loadParameters(spinning.node());
-    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params);
-    spinning.start(params.nodes);
     ros::NodeHandle& own = spinning.privateNode();
-    rbpf_node::replayOffline(own.param<std::string>("bag", ""),
-                             {own.param<std::string>("odom_topic", "/odom"),
-                              own.param<std::string>("ping_topic", "/mbes/pings")},
-                             params, &slam);
+    if (!own.param("take_turns", false)) {
+      throw std::runtime_error(own.resolveName("take_turns") +
+                               " is not set; expected true before the map nodes start, as in "
+                               "offline.launch: they would not wait for the replay");
+    }
+    const auto params = rbpf_node::loadParameters(spinning.node());
+    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
+                             rbpf_node::Input::kBag);
+    rbpf_node::OfflineReplay replay(own, params, &slam);
+    // a map node may wait for its turn while an earlier call, cut off, still waits
+    spinning.start(2 * params.nodes + 1);
+    const double wall_s = replay.run(own.param<std::string>("bag", ""),
+                                     {own.param<std::string>("odom_topic", "/odom"),
+                                      own.param<std::string>("ping_topic", "/mbes/pings")});
+    own.setParam("replay_wall_s", wall_s);
     own.setParam("replay_finished", true);  // the recorder waits for this
     ros::waitForShutdown();
   } catch (const std::exception& error) {

@@ -22,7 +22,9 @@ MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params)
       nodes_(params.nodes),
       predict_timeout_s_(params.loop_closure_timeout_s),
       resampling_timeout_s_(params.resampling_timeout_s),
-      node_of_(rbpf_core::shareParticles(params.filter.particles, params.nodes)) {
+      node_of_(rbpf_core::shareParticles(params.filter.particles, params.nodes)) {}
+
+void MapNodes::listen() {
   for (std::size_t k = 0; k < nodes_; ++k) {
     subscribers_.push_back(node_.subscribe<MapStatus>(service(k, "status"), 10,
                                                       [this](const MapStatus::ConstPtr& status) {
@@ -30,6 +32,11 @@ MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params)
                                                         latest_[status->node] = *status;
                                                       }));
   }
+}
+
+void MapNodes::takeStates(const std::vector<MapStatus>& states) {
+  const std::lock_guard lock(mutex_);
+  for (const MapStatus& status : states) latest_[status.node] = status;
 }
 
 std::string MapNodes::service(std::size_t node, const std::string& name) const {

@@ -33,6 +33,10 @@ class MapNodes {
 
   const std::vector<std::uint32_t>& nodeOf() const { return node_of_; }  // [J]
 
+  // Where the nodes' states come from: their status topics, or whoever hands them over.
+  void listen();
+  void takeStates(const std::vector<rbpf_svgp_slam::MapStatus>& states);
+
   MapsState state(std::uint32_t epoch) const;
 
   // Every particle's own map at that particle's positions, [J][n] x, y relative to the survey

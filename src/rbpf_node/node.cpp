@@ -21,15 +21,17 @@ double peakResidentMb() {
 
 }  // namespace
 
-SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params)
+SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
+                   Input input)
     : params_(params),
+      input_(input),
       filter_(params.filter),
       maps_(node, params),
       loop_(filter_, maps_, params),
       services_(private_node, filter_, loop_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()) {
-  finish_server_ = private_node.advertiseService("finish", &SlamNode::finish, this);
+  finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
   diagnostics_.add("filter", [this](auto& report) { diagnoseFilter(report); });
@@ -56,6 +58,7 @@ void SlamNode::handleOdometry(const nav_msgs::Odometry::ConstPtr& message) {
                (stamp - last_odometry_).toSec(), stamp.toSec());
     }
     last_odometry_ = stamp;
+    notePingAges();
   }
   publishers_.publishPose(message->header.stamp);
 }
@@ -109,10 +112,19 @@ void SlamNode::handOnPings() {
     }
     pings_without_mount_.pop_front();
   }
+  notePingAges();
 }
 
-bool SlamNode::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  filter_.finish();
+void SlamNode::notePingAges() {
+  if (input_ == Input::kBag) return;
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
+  for (; pings_noted_ < filter.pings(); ++pings_noted_) {
+    ages_.add(ros::Time::now().toSec() - filter.record(pings_noted_).stamp_s);
+  }
+}
+
+bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  finish();
   response.success = true;
   response.message =
       std::to_string(filter_.pings()) + " pings, " + std::to_string(filter_.beams()) + " beams";
@@ -123,26 +135,29 @@ bool SlamNode::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& 
 
 rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   rbpf_svgp_slam::FilterStatus status;
-  const rbpf_core::Counters counters = filter_.counters();
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
+  const rbpf_core::Counters& counters = filter.counters();
   const LoopClosureStatistics closures = loop_.statistics();
   const MapsState maps = maps_.state(loop_.epoch());
-  const Eigen::ArrayXd weights = filter_.logWeights().exp();
+  const Eigen::ArrayXd weights = filter.logWeights().exp();
   Eigen::Index best = 0;
   weights.maxCoeff(&best);
   {
     const std::lock_guard lock(mutex_);
     status.header.stamp = last_odometry_;
-    status.pings_waiting = pings_without_mount_.size() + filter_.pingsWaiting();
+    status.pings_waiting = pings_without_mount_.size() + filter.pingsWaiting();
     status.pings_dropped = pings_missed_ + counters.pings_dropped;
     status.pings_rejected = pings_malformed_ + counters.pings_rejected;
+    status.ping_age_p99_s = ages_.quantile(0.99);
+    status.ping_age_max_s = ages_.quantile(1.0);
   }
   status.header.frame_id = params_.frames.map;
   status.particles = static_cast<std::uint32_t>(params_.filter.particles);
   status.nodes = static_cast<std::uint32_t>(params_.nodes);
   status.odometry_messages = counters.odometry_messages;
-  status.pings = filter_.pings();
-  status.beams = filter_.beams();
-  status.beams_held_out = filter_.beamsHeldOut();
+  status.pings = filter.pings();
+  status.beams = filter.beams();
+  status.beams_held_out = filter.beamsHeldOut();
   status.beams_rejected = counters.beams_rejected;
   status.epoch = loop_.epoch();
   status.prompts = closures.prompts;
@@ -192,6 +207,7 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("pings waiting", now.pings_waiting);
   report.add("pings dropped", now.pings_dropped);
   report.add("pings rejected", now.pings_rejected);
+  report.add("ping age, 99th percentile (s)", now.ping_age_p99_s);
   report.add("beams", now.beams);
   report.add("beams rejected", now.beams_rejected);
 }

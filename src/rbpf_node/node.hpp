@@ -14,28 +14,37 @@
 #include <mutex>
 
 #include "rbpf_node/loop_closure_loop.hpp"
+#include "rbpf_node/ping_ages.hpp"
 #include "rbpf_node/publishers.hpp"
 #include "rbpf_node/services.hpp"
 
 namespace rbpf_node {
 
+// Where the messages come from: a vehicle (or a bag that is played) at its own pace, or a bag as
+// fast as it can be read.
+enum class Input { kLive, kBag };
+
 class SlamNode {
  public:
   // Timers go on `node`'s callback queue, services on `private_node`'s.
-  SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params);
+  SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
+           Input input);
 
   void handleOdometry(const nav_msgs::Odometry::ConstPtr& message);
   void handlePing(const sensor_msgs::PointCloud2::ConstPtr& message);
 
+  void finish() { filter_.finish(); }  // the survey is over
+
   tf2_ros::Buffer& transforms() { return transforms_; }
+  MapNodes& maps() { return maps_; }
   LoopClosureLoop& loopClosureLoop() { return loop_; }
-  const Services& services() const { return services_; }
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
   void handOnPings();
-  bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void countGap(std::uint32_t seq);
+  void notePingAges();
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
   void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const;
@@ -43,6 +52,7 @@ class SlamNode {
   void diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const;
 
   const Parameters params_;
+  const Input input_;
   rbpf_core::ParticleFilter filter_;
   MapNodes maps_;
   LoopClosureLoop loop_;
@@ -59,6 +69,8 @@ class SlamNode {
   std::uint32_t last_seq_ = 0;
   std::uint64_t pings_missed_ = 0;  // gaps in header.seq, and pings whose sensor's mount never came
   std::uint64_t pings_malformed_ = 0;
+  std::size_t pings_noted_ = 0;  // whose ages are known
+  PingAges ages_;
 };
 
 }  // namespace rbpf_node

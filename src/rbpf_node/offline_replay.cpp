@@ -1,95 +1,141 @@
 #include "rbpf_node/offline_replay.hpp"
 
-#include <rosbag/bag.h>
+#include <ros/console.h>
+#include <ros/init.h>
 #include <rosbag/view.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
-#include <thread>
 
 namespace rbpf_node {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-constexpr auto kPoll = std::chrono::milliseconds(1);
-constexpr double kPrintPeriod_s = 1.0;
+constexpr auto kPatience = std::chrono::seconds(5);  // with a turn, before it is spoken of
+constexpr double kWarningPeriod_s = 10.0;
 
-// Prints "42 % of 20:00 min, 12.3 x real time, ETA 01:04" on one line, once a second.
-class Progress {
- public:
-  explicit Progress(double duration_s) : duration_s_(duration_s) {}
-
-  void update(double survey_s) {
-    const double wall_s = std::chrono::duration<double>(Clock::now() - start_).count();
-    if (wall_s < next_print_s_ && survey_s < duration_s_) return;
-    next_print_s_ = wall_s + kPrintPeriod_s;
-    const double rate = survey_s / std::max(wall_s, 1e-3);
-    const double left_s = (duration_s_ - survey_s) / std::max(rate, 1e-6);
-    std::printf("\roffline replay: %5.1f %% of %.0f s, %.1f x real time, ETA %02d:%02d ",
-                100.0 * survey_s / std::max(duration_s_, 1e-3), duration_s_, rate,
-                static_cast<int>(left_s) / 60, static_cast<int>(left_s) % 60);
-    if (survey_s >= duration_s_) std::printf("\n");
-    std::fflush(stdout);
+std::string namesOf(const std::vector<std::uint32_t>& nodes) {
+  std::string names;
+  for (const std::uint32_t node : nodes) {
+    names += (names.empty() ? "svgp_node_" : ", svgp_node_") + std::to_string(node);
   }
-
- private:
-  const double duration_s_;
-  const Clock::time_point start_ = Clock::now();
-  double next_print_s_ = 0.0;
-};
-
-void expectTopic(const rosbag::Bag& bag, const std::string& topic) {
-  rosbag::View view(bag, rosbag::TopicQuery(topic));
-  if (view.size() == 0) {
-    throw std::runtime_error(bag.getFileName() + " holds no message on " + topic);
-  }
-}
-
-void takeStaticTransforms(const rosbag::Bag& bag, SlamNode* slam) {
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag, rosbag::TopicQuery(std::string("/tf_static")))) {
-    const auto message = instance.instantiate<tf2_msgs::TFMessage>();
-    for (const auto& transform : message->transforms) {
-      slam->transforms().setTransform(transform, instance.getCallerId(), true);
-    }
-  }
+  return names;
 }
 
 }  // namespace
 
-void replayOffline(const std::string& bag_path, const OfflineTopics& topics,
-                   const Parameters& params, SlamNode* slam) {
-  const rosbag::Bag bag(bag_path, rosbag::bagmode::Read);
-  expectTopic(bag, topics.odometry);
-  expectTopic(bag, topics.pings);
-  takeStaticTransforms(bag, slam);
-  rosbag::View view(bag,
-                    rosbag::TopicQuery(std::vector<std::string>{topics.odometry, topics.pings}));
-  const ros::Time begin = view.getBeginTime();
-  double first_beams_s = 0.0;
-  Progress progress((view.getEndTime() - begin).toSec());
-  for (const rosbag::MessageInstance& instance : view) {
-    if (!ros::ok()) throw std::runtime_error("interrupted");
-    const double survey_s = (instance.getTime() - begin).toSec();
-    if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
-      slam->handleOdometry(odometry);
-    } else if (const auto ping = instance.instantiate<sensor_msgs::PointCloud2>()) {
-      slam->handlePing(ping);
-    }
-    if (slam->filter().beamsReleased() == 0) first_beams_s = survey_s;
-    const double steps_due = params.offline_steps_per_second * (survey_s - first_beams_s);
-    while (ros::ok() && static_cast<double>(slam->services().minibatchesServed()) < steps_due) {
-      std::this_thread::sleep_for(kPoll);
-      progress.update(survey_s);
-    }
-    slam->loopClosureLoop().promptIfDue();
-    progress.update(survey_s);
+OfflineReplay::OfflineReplay(ros::NodeHandle private_node, const Parameters& params, SlamNode* slam)
+    : params_(params),
+      slam_(*slam),
+      turns_(params.nodes, [] { return ros::isShuttingDown(); }),
+      server_(private_node.advertiseService("take_turn", &OfflineReplay::take, this)) {}
+
+double OfflineReplay::run(const std::string& bag_path, const OfflineTopics& topics) {
+  rosbag::Bag bag;
+  openBag(bag_path, topics, &bag);
+  takeStaticTransforms(bag);
+  if (mapping()) awaitNodes(0.0);
+  progress_.start();
+  const StampOrder order = inStampOrder(bag, topics);
+  const ros::Time begin = order.messages.front().stamp;
+  const double duration_s = (order.messages.back().stamp - begin).toSec();
+  progress_.setDuration(duration_s);
+  for (const StampedMessage& message : order.messages) {
+    if (ros::isShuttingDown()) throw std::runtime_error("interrupted");
+    const double survey_s = (message.stamp - begin).toSec();
+    handOn(message);
+    trainUpTo(survey_s);
+    slam_.loopClosureLoop().promptIfDue();
+    progress_.update(survey_s, [this] { return counts(); });
   }
+  slam_.finish();
+  const double wall_s =
+      progress_.end(counts() + ", " + std::to_string(order.unreadable) + " messages unreadable");
+  trainFinally(duration_s);
+  return wall_s;
+}
+
+void OfflineReplay::takeStaticTransforms(const rosbag::Bag& bag) {
+  for (const rosbag::MessageInstance& instance :
+       rosbag::View(bag, rosbag::TopicQuery(std::string("/tf_static")))) {
+    const auto message = instance.instantiate<tf2_msgs::TFMessage>();
+    for (const auto& transform : message->transforms) {
+      slam_.transforms().setTransform(transform, instance.getCallerId(), true);
+    }
+  }
+}
+
+void OfflineReplay::handOn(const StampedMessage& message) {
+  switch (message.kind) {
+    case InputKind::kOdometry:
+      return slam_.handleOdometry(message.instance.instantiate<nav_msgs::Odometry>());
+    case InputKind::kPing:
+      return slam_.handlePing(message.instance.instantiate<sensor_msgs::PointCloud2>());
+  }
+}
+
+void OfflineReplay::trainFinally(double duration_s) {
+  if (!mapping()) return;
+  ROS_INFO("Survey over; training on the whole log, as much as in %.0f s of survey.",
+           params_.final_training_s);
+  // a second at a time, so that maps whose node has died are heard of soon
+  for (double s = 0.0; s < params_.final_training_s;) {
+    s = std::min(s + 1.0, params_.final_training_s);
+    trainUpTo(duration_s + s);
+  }
+}
+
+void OfflineReplay::trainUpTo(double survey_s) {
+  if (!mapping()) return;
+  if (slam_.filter().beamsReleased() == 0) {
+    first_beams_s_ = survey_s;
+    return;
+  }
+  // A round is one step of each of the J maps.
+  const double steps_due = params_.offline_steps_per_second * (survey_s - first_beams_s_);
+  const auto rounds_due = static_cast<std::uint64_t>(
+      std::floor(steps_due / static_cast<double>(params_.filter.particles)));
+  // Before a prompt there is a turn even if no round is due: maps take in what has come, and nodes
+  // say what has become of them in the last resampling.
+  if (rounds_due == rounds_ && !slam_.loopClosureLoop().promptIsDue()) return;
+  turns_.grant(static_cast<std::uint32_t>(rounds_due - rounds_));
+  rounds_ = rounds_due;
+  awaitNodes(survey_s);
+}
+
+void OfflineReplay::awaitNodes(double survey_s) {
+  const auto start = std::chrono::steady_clock::now();
+  const bool all_came = turns_.awaitAll([&](const std::vector<std::uint32_t>& busy) {
+    progress_.update(survey_s, [this] { return counts(); });
+    if (std::chrono::steady_clock::now() - start < kPatience) return;
+    ROS_WARN_THROTTLE(kWarningPeriod_s, "Waiting for %s.", namesOf(busy).c_str());
+  });
+  if (!all_came) throw std::runtime_error("interrupted");
+  slam_.maps().takeStates(turns_.states());
+}
+
+std::string OfflineReplay::counts() const {
+  const LoopClosureLoop& loop = slam_.loopClosureLoop();
+  return std::to_string(slam_.filter().pings()) + " pings, " +
+         std::to_string(slam_.filter().beams()) + " beams, " +
+         std::to_string(loop.statistics().prompts) + " loop-closure prompts, " +
+         std::to_string(loop.epoch()) + " resamplings";
+}
+
+bool OfflineReplay::take(rbpf_svgp_slam::TakeTurn::Request& request,
+                         rbpf_svgp_slam::TakeTurn::Response& response) {
+  try {
+    const auto rounds = turns_.take(request.status);
+    response.success = rounds.has_value();
+    response.rounds = rounds.value_or(0);
+    if (!rounds) response.message = "the replay has ended, or this node has asked once more";
+  } catch (const std::invalid_argument& error) {
+    response.message = error.what();
+  }
+  return true;
 }
 
 }  // namespace rbpf_node

@@ -1,22 +1,53 @@
-// A bag read directly: nothing is lost, whatever the speed.
+// A bag read directly: nothing is lost, whatever the speed, and nothing depends on wall time.
 #pragma once
 
+#include <ros/service_server.h>
+
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "rbpf_node/node.hpp"
+#include "rbpf_node/progress_line.hpp"
+#include "rbpf_node/stamp_order.hpp"
+#include "rbpf_node/turns.hpp"
+#include "rbpf_svgp_slam/TakeTurn.h"
 
 namespace rbpf_node {
 
-struct OfflineTopics {
-  std::string odometry;
-  std::string pings;
-};
+class OfflineReplay {
+ public:
+  // Advertises ~take_turn on `private_node`'s callback queue, of which every map node may hold one
+  // thread for any time.
+  OfflineReplay(ros::NodeHandle private_node, const Parameters& params, SlamNode* slam);
+  ~OfflineReplay() { turns_.close(); }
 
-// Hands the bag's messages to the node's handlers, in the order of the bag. After each ping it
-// waits until the map nodes have been served offline/steps_per_second minibatches for every second
-// of survey since there were beams to train on (0: waits for nothing), then prompts if that is due.
-// Prints progress. Throws std::runtime_error if the bag cannot be read or lacks a topic.
-void replayOffline(const std::string& bag_path, const OfflineTopics& topics,
-                   const Parameters& params, SlamNode* slam);
+  // Hands the bag's messages, in the order of their stamps, to the node's handlers. In between it
+  // grants the map nodes their turns, offline/steps_per_second optimizer steps for every second of
+  // survey since there were beams to train on (0: it waits for no node), and prompts when that is
+  // due. At the end it grants the steps of output/final_training_s more. Prints progress. Returns
+  // the wall time, s, that the survey took, final training not included. Throws
+  // std::runtime_error if the bag cannot be read or lacks a topic, and when interrupted.
+  double run(const std::string& bag_path, const OfflineTopics& topics);
+
+ private:
+  bool mapping() const { return params_.offline_steps_per_second > 0.0; }
+  void takeStaticTransforms(const rosbag::Bag& bag);
+  void handOn(const StampedMessage& message);
+  void trainFinally(double duration_s);
+  void trainUpTo(double survey_s);
+  void awaitNodes(double survey_s);
+  std::string counts() const;
+  bool take(rbpf_svgp_slam::TakeTurn::Request& request,
+            rbpf_svgp_slam::TakeTurn::Response& response);
+
+  const Parameters params_;
+  SlamNode& slam_;
+  ProgressLine progress_;
+  double first_beams_s_ = 0.0;  // survey time when maps had nothing to train on for the last time
+  std::uint64_t rounds_ = 0;    // granted
+  Turns turns_;
+  ros::ServiceServer server_;
+};
 
 }  // namespace rbpf_node

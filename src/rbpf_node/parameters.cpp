@@ -104,7 +104,7 @@ Parameters loadParameters(const ros::NodeHandle& node) {
   params.offline_steps_per_second = reader.number("offline/steps_per_second", 0.0, kUnlimited);
   params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
-  reader.number("output/final_training_s", 0.0, kUnlimited);  // the recorder's
+  params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
   if (params.nodes > params.filter.particles) {
     ParameterReader::fail(
         "nodes", std::to_string(params.nodes),

@@ -27,6 +27,7 @@ struct Parameters {
   double resampling_threshold = 0.5;
   double resampling_timeout_s = 30.0;
   double offline_steps_per_second = 100.0;
+  double final_training_s = 10.0;
   double publish_rate_hz = 1.0;
   double bathymetry_voxel_m = 1.0;
 };

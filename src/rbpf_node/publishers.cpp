@@ -72,8 +72,9 @@ void Publishers::publishPose(const ros::Time& stamp) {
 
 void Publishers::publishPing(const ros::Time& stamp) {
   if (ping_.getNumSubscribers() == 0) return;
-  const auto latest = filter_.survey(filter_.pings() - 1, 1);
-  if (latest.empty()) return;
+  const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
+  if (snapshot.pings() == 0) return;
+  const auto latest = snapshot.survey(snapshot.pings() - 1, 1);
   pcl::PointCloud<pcl::PointXYZ> cloud;
   append(placeBeams(latest[0].levelled_m, latest[0].estimate), &cloud);
   publishCloud(ping_, cloud, mapHeader(stamp));
@@ -115,13 +116,14 @@ void Publishers::publishVehicle(const std_msgs::Header& header) {
 }
 
 void Publishers::publishPaths(const std_msgs::Header& header) {
-  const std::size_t pings = filter_.pings();
+  const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
+  const std::size_t pings = snapshot.pings();
   nav_msgs::Path path;
   nav_msgs::Path dead_reckoning;
   path.header = dead_reckoning.header = header;
   pcl::PointCloud<pcl::PointXYZ>::Ptr cloud(new pcl::PointCloud<pcl::PointXYZ>);
   const std::size_t stride = 1 + pings / kOverviewPings;
-  for (const rbpf_core::SurveyPing& ping : filter_.survey(0, pings, stride)) {
+  for (const rbpf_core::SurveyPing& ping : snapshot.survey(0, pings, stride)) {
     geometry_msgs::PoseStamped pose;
     pose.header.frame_id = params_.frames.map;
     pose.header.stamp = ros::Time(ping.record.stamp_s);

@@ -3,8 +3,6 @@
 
 #include <ros/node_handle.h>
 
-#include <atomic>
-
 #include "rbpf_core/particle_filter.hpp"
 #include "rbpf_node/loop_closure_loop.hpp"
 #include "rbpf_svgp_slam/GetPings.h"
@@ -17,10 +15,6 @@ class Services {
   Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
            const LoopClosureLoop& loop);
 
-  // Minibatches served so far, all maps together: an upper bound of the training steps done. A
-  // map's block of beams counts as one.
-  std::uint64_t minibatchesServed() const { return minibatches_served_; }
-
  private:
   // For ~get_minibatches and ~get_beams.
   template <typename Request, typename Response>
@@ -30,7 +24,6 @@ class Services {
 
   const rbpf_core::ParticleFilter& filter_;
   const LoopClosureLoop& loop_;
-  std::atomic<std::uint64_t> minibatches_served_{0};
   ros::ServiceServer minibatch_server_;
   ros::ServiceServer beam_server_;
   ros::ServiceServer ping_server_;

@@ -20,12 +20,12 @@ class Spinning {
   ros::NodeHandle& privateNode() { return private_node_; }  // services: a thread for each client
   ros::NodeHandle& inputNode() { return input_node_; }  // odometry and pings: one thread, in order
 
-  void start(std::size_t map_nodes) {
+  // service_threads: at least one for each client that may call at the same time.
+  void start(std::size_t service_threads) {
     spinners_.push_back(std::make_unique<ros::AsyncSpinner>(1));
     spinners_.push_back(std::make_unique<ros::AsyncSpinner>(1, &input_queue_));
-    // one more for whoever exports the survey
     spinners_.push_back(std::make_unique<ros::AsyncSpinner>(
-        static_cast<std::uint32_t>(map_nodes + 1), &service_queue_));
+        static_cast<std::uint32_t>(service_threads), &service_queue_));
     for (const auto& spinner : spinners_) spinner->start();
   }
 

@@ -35,7 +35,7 @@ TEST(MbesLog, KeepsBeamsInArrivalOrderOverManyBlocks) {
     ASSERT_EQ(log[i].x_m, number);
     ASSERT_EQ(log[i].y_m, -number);
     ASSERT_EQ(log[i].z_m, 0.5F * number);
-    ASSERT_EQ(log[i].ping, ping_of_beam[i]);
+    ASSERT_EQ(log[i].slot, ping_of_beam[i]);
   }
 }
 
@@ -59,10 +59,10 @@ TEST(MbesLog, TakesOnePingOfMoreThanABlock) {
   log.append(2, numberedBeams(150005, 1));
   ASSERT_EQ(log.size(), 150006U);
   for (std::size_t i = 0; i < log.size(); ++i) ASSERT_EQ(log[i].x_m, static_cast<float>(i));
-  EXPECT_EQ(log[4].ping, 0U);
-  EXPECT_EQ(log[5].ping, 1U);
-  EXPECT_EQ(log[150004].ping, 1U);
-  EXPECT_EQ(log[150005].ping, 2U);
+  EXPECT_EQ(log[4].slot, 0U);
+  EXPECT_EQ(log[5].slot, 1U);
+  EXPECT_EQ(log[150004].slot, 1U);
+  EXPECT_EQ(log[150005].slot, 2U);
 }
 
 }  // namespace

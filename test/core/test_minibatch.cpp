@@ -26,7 +26,8 @@ struct Survey {
                        between(-M_PI, M_PI)});
         poses[j].push_back(now.back());
       }
-      histories.append(now);
+      slots.push_back(histories.append(now));
+      ping_of_slot[slots.back()] = ping;
       Beams beams(3, beams_of[ping]);
       for (Eigen::Index i = 0; i < beams.cols(); ++i) {
         // z tells the beam's number in the log
@@ -34,7 +35,7 @@ struct Survey {
             static_cast<float>(between(-100.0, 100.0)),
             -static_cast<float>(log.size() + static_cast<std::size_t>(i));
       }
-      log.append(ping, beams);
+      log.append(slots.back(), beams);
       if (ping % 7 == 3) resample(stream);
     }
   }
@@ -49,10 +50,12 @@ struct Survey {
     for (std::size_t j = 0; j < poses.size(); ++j) poses[j] = before[ancestors[j]];
   }
 
+  std::uint32_t pingOf(std::size_t beam) const { return ping_of_slot.at(log[beam].slot); }
+
   // Relative to the origin, in double throughout.
   Eigen::Vector3d placed(std::size_t particle, std::size_t beam, const Origin& origin) const {
     const LoggedBeam& b = log[beam];
-    const Pose2& pose = poses[particle][b.ping];
+    const Pose2& pose = poses[particle][pingOf(beam)];
     const double c = std::cos(pose.yaw_rad);
     const double s = std::sin(pose.yaw_rad);
     return {pose.x_m - origin.x_m + c * b.x_m - s * b.y_m,
@@ -61,14 +64,16 @@ struct Survey {
 
   MbesLog log;
   TrajectoryHistories histories;
+  std::vector<PoseSlot> slots;  // [pings]
+  std::map<PoseSlot, std::uint32_t> ping_of_slot;
   std::vector<std::vector<Pose2>> poses;  // [J][pings]
 };
 
 std::vector<PlacedBeam> draw(const Survey& survey, std::size_t particle, std::size_t size,
                              RandomStream stream, const Origin& origin = {}) {
   std::vector<PlacedBeam> batch(size);
-  drawMinibatch(survey.log, survey.log.size(), survey.histories, particle, origin, stream, size,
-                batch.data());
+  drawMinibatch(survey.log, survey.log.size(), *survey.histories.pasts(), particle, origin, stream,
+                size, batch.data());
   return batch;
 }
 
@@ -129,11 +134,11 @@ TEST(DrawMinibatch, DrawsBeamsIndependentlyNotInRunsOfAPing) {
     const auto batch = draw(survey, 0, 1000, makeStream(1, StreamPurpose::kMinibatch, 0, call));
     std::map<std::uint32_t, int> pings;
     for (std::size_t i = 0; i < batch.size(); ++i) {
-      const std::uint32_t ping = survey.log[numberOf(batch[i])].ping;
+      const std::uint32_t ping = survey.pingOf(numberOf(batch[i]));
       ++pings[ping];
       if (i == 0) continue;
       ++pairs;
-      same_ping += survey.log[numberOf(batch[i - 1])].ping == ping ? 1U : 0U;
+      same_ping += survey.pingOf(numberOf(batch[i - 1])) == ping ? 1U : 0U;
     }
     // 1,000 draws miss one of 100 pings with probability 100 * 0.99^1000 = 0.4 %
     EXPECT_GE(pings.size(), kPings - 2);
@@ -155,7 +160,7 @@ TEST(DrawMinibatch, DrawsFromTheFirstBeamsOnly) {
   const Survey survey(kUnevenPings, 1, {});
   std::vector<PlacedBeam> batch(5000);
   std::size_t highest = 0;
-  drawMinibatch(survey.log, 100, survey.histories, 0, {}, RandomStream(1), batch.size(),
+  drawMinibatch(survey.log, 100, *survey.histories.pasts(), 0, {}, RandomStream(1), batch.size(),
                 batch.data());
   for (const PlacedBeam& beam : batch) highest = std::max(highest, numberOf(beam));
   EXPECT_EQ(highest, 99U);  // missed by 5,000 draws with probability e^-50
@@ -167,8 +172,8 @@ TEST(DrawMinibatch, WritesAsManyBeamsAsAskedForAndNoneBeyond) {
   for (const std::size_t size : {0U, 1U, 7U, 1000U}) {
     constexpr std::size_t kMargin = 64;
     std::vector<PlacedBeam> cells(size + 2 * kMargin, kGuard);
-    drawMinibatch(survey.log, survey.log.size(), survey.histories, 1, {}, RandomStream(size), size,
-                  cells.data() + kMargin);
+    drawMinibatch(survey.log, survey.log.size(), *survey.histories.pasts(), 1, {},
+                  RandomStream(size), size, cells.data() + kMargin);
     for (std::size_t i = 0; i < cells.size(); ++i) {
       const bool written = cells[i].z_m != kGuard.z_m;  // depths are never positive
       EXPECT_EQ(written, i >= kMargin && i < kMargin + size) << "cell " << i << " of " << size;
@@ -181,7 +186,7 @@ TEST(DrawMinibatch, WritesAsManyBeamsAsAskedForAndNoneBeyond) {
 std::vector<PlacedBeam> block(const Survey& survey, std::size_t particle, std::size_t first,
                               std::size_t size, const Origin& origin = {}) {
   std::vector<PlacedBeam> beams(size);
-  placeBlock(survey.log, first, size, survey.histories, particle, origin, beams.data());
+  placeBlock(survey.log, first, size, *survey.histories.pasts(), particle, origin, beams.data());
   return beams;
 }
 

@@ -325,16 +325,71 @@ TEST(ParticleFilterThreads, DrawAndReadWhileTheSurveyGrowsAndIsResampled) {
       filter.counters();
     }
   });
-  for (int k = 5; k < 60; ++k) {
-    sail(filter, turning, k, k + 1);
-    filter.setLogWeights(filter.logWeights());
-    if (k % 3 == 0) filter.resample({0, 0, 1, 3, 3, 3, 6, 7});
-  }
-  while (drawn < 1000) std::this_thread::yield();
+  std::atomic<std::size_t> resampled{0};
+  threads.emplace_back([&] {
+    for (; !stop; ++resampled) {
+      filter.setLogWeights(filter.logWeights());
+      filter.resample({0, 0, 1, 3, 3, 3, 6, 7});
+      filter.resample({0, 1, 2, 3, 4, 5, 6, 7});
+    }
+  });
+  for (int k = 5; k < 60 || drawn < 1000 || resampled < 30; ++k) sail(filter, turning, k, k + 1);
   stop = true;
   for (std::thread& thread : threads) thread.join();
   EXPECT_TRUE(sound);
   EXPECT_EQ(filter.counters().pings_dropped, 0U);
+}
+
+// What is shown once stays as it was: what a reader makes of it belongs together.
+TEST(ParticleFilterSnapshot, StaysAsItWasWhileTheFilterGoesOn) {
+  FilterParams params = noisyParams(5);
+  params.common_random_numbers = true;
+  ParticleFilter filter(params);
+  sail(filter, turning, 0, 20);
+  const FilterSnapshot before = filter.snapshot();
+  const auto particles = before.particles();
+  const auto survey = before.survey(0, 1000);
+  std::vector<PlacedBeam> log(before.beams());
+  before.placeBlock(3, 0, log.size(), log.data());
+
+  sail(filter, turning, 20, 60);
+  filter.setLogWeights(Eigen::ArrayXd::LinSpaced(5, -3.0, -1.0));
+  filter.resample({4, 4, 4, 1, 1});
+  sail(filter, turning, 60, 100);
+  filter.finish();
+
+  EXPECT_EQ(before.particles(), particles);
+  EXPECT_TRUE((before.logWeights() == -std::log(5.0)).all());
+  ASSERT_EQ(before.survey(0, 1000).size(), survey.size());
+  for (std::size_t i = 0; i < survey.size(); ++i) {
+    EXPECT_EQ(before.survey(i, 1)[0].estimate, survey[i].estimate);
+  }
+  std::vector<PlacedBeam> again(before.beamsReleased());
+  before.placeBlock(3, 0, again.size(), again.data());
+  EXPECT_EQ(again, log);
+  EXPECT_EQ(before.beamsReleased(), log.size());
+  EXPECT_GT(filter.beamsReleased(), log.size());
+  EXPECT_EQ(before.latestPing()->index, survey.size() - 1);
+}
+
+// Pings taken in while a resampling is worked out belong to the ancestors' pasts, as those before.
+TEST(ParticleFilterSnapshot, HistoriesSurviveResamplingsAsTheyAreTakenIn) {
+  constexpr std::size_t kParticles = 4;
+  ParticleFilter filter(noisyParams(kParticles));
+  std::atomic<bool> stop{false};
+  std::thread resampling([&] {
+    for (std::uint32_t k = 0; !stop; ++k) filter.resample({0, k % 4, 2, (k + 1) % 4});
+  });
+  sail(filter, turning, 0, 100);
+  stop = true;
+  resampling.join();
+  // particles 0 and 2 always went on from themselves: their pasts must be those without resampling
+  ParticleFilter alone(noisyParams(kParticles));
+  sail(alone, turning, 0, 100);
+  for (const std::size_t particle : {0U, 2U}) {
+    EXPECT_EQ(blockFrom(filter, particle, 0, filter.beams()),
+              blockFrom(alone, particle, 0, alone.beams()));
+  }
 }
 
 }  // namespace

@@ -47,13 +47,15 @@ class NaiveHistories {
   std::uint64_t next_ = 0;
 };
 
-void expectEqual(const TrajectoryHistories& histories, const NaiveHistories& naive) {
+// slots: of the pings.
+void expectEqual(const TrajectoryHistories& histories, const NaiveHistories& naive,
+                 const std::vector<PoseSlot>& slots) {
   for (std::size_t j = 0; j < naive.pasts().size(); ++j) {
-    ASSERT_EQ(histories.pings(), naive.pasts()[j].size());
-    for (std::size_t ping = 0; ping < histories.pings(); ++ping) {
+    ASSERT_EQ(slots.size(), naive.pasts()[j].size());
+    for (std::size_t ping = 0; ping < slots.size(); ++ping) {
       const auto number = static_cast<double>(naive.pasts()[j][ping]);
-      ASSERT_EQ(histories.at(j, ping).x_m, number) << "particle " << j << ", ping " << ping;
-      ASSERT_EQ(histories.at(j, ping).y_m, -number) << "particle " << j << ", ping " << ping;
+      ASSERT_EQ(histories.at(j, slots[ping]).x_m, number) << "particle " << j << ", ping " << ping;
+      ASSERT_EQ(histories.at(j, slots[ping]).y_m, -number) << "particle " << j << ", ping " << ping;
     }
   }
 }
@@ -71,17 +73,18 @@ TEST(TrajectoryHistories, EqualFullCopiesOverRandomAppendsAndResamplings) {
     RandomStream stream(particles);
     TrajectoryHistories histories(particles);
     NaiveHistories naive(particles);
+    std::vector<PoseSlot> slots;
     for (int i = 0; i < 300; ++i) {
       if (stream.below(4) == 0) {  // often twice in a row, without a ping between
         const auto ancestors = randomAncestors(particles, stream);
         histories.resample(ancestors);
         naive.resample(ancestors);
       } else {
-        histories.append(naive.append());
+        slots.push_back(histories.append(naive.append()));
       }
       ASSERT_EQ(histories.storedPoses(), naive.distinctPoses());
     }
-    expectEqual(histories, naive);
+    expectEqual(histories, naive, slots);
   }
 }
 
@@ -90,36 +93,38 @@ TEST(TrajectoryHistories, FindEveryPoseAfterAThousandResamplings) {
   RandomStream stream(1);
   TrajectoryHistories histories(kParticles);
   NaiveHistories naive(kParticles);
+  std::vector<PoseSlot> slots;
   for (int i = 0; i < 1000; ++i) {
-    for (std::uint64_t left = stream.below(4); left > 0; --left) histories.append(naive.append());
+    for (std::uint64_t left = stream.below(4); left > 0; --left)
+      slots.push_back(histories.append(naive.append()));
     const auto ancestors = randomAncestors(kParticles, stream);
     histories.resample(ancestors);
     naive.resample(ancestors);
   }
-  histories.append(naive.append());
-  expectEqual(histories, naive);
+  slots.push_back(histories.append(naive.append()));
+  expectEqual(histories, naive, slots);
   EXPECT_EQ(histories.storedPoses(), naive.distinctPoses());
 }
 
 TEST(TrajectoryHistories, ShareTheirPastInsteadOfCopyingIt) {
   TrajectoryHistories histories(3);
   NaiveHistories naive(3);
-  for (int ping = 0; ping < 10; ++ping) histories.append(naive.append());
-  const HistoryPose* before = nullptr;
-  histories.resample({0, 1, 2});  // closes the segment
-  before = &histories.at(1, 4);
+  std::vector<PoseSlot> slots;
+  for (int ping = 0; ping < 10; ++ping) slots.push_back(histories.append(naive.append()));
+  const HistoryPose* before = &histories.at(1, slots[4]);
   histories.resample({1, 1, 1});
-  for (std::size_t j = 0; j < 3; ++j) EXPECT_EQ(&histories.at(j, 4), before);
+  for (std::size_t j = 0; j < 3; ++j) EXPECT_EQ(&histories.at(j, slots[4]), before);
 }
 
 TEST(TrajectoryHistories, FreeSegmentsThatNoParticlePointsTo) {
   TrajectoryHistories histories(4);
   NaiveHistories naive(4);
-  for (int ping = 0; ping < 100; ++ping) histories.append(naive.append());
+  std::vector<PoseSlot> slots;
+  for (int ping = 0; ping < 100; ++ping) slots.push_back(histories.append(naive.append()));
   EXPECT_EQ(histories.storedPoses(), 400U);
   histories.resample({2, 2, 2, 2});
   EXPECT_EQ(histories.storedPoses(), 100U);
-  for (int ping = 0; ping < 10; ++ping) histories.append(naive.append());
+  for (int ping = 0; ping < 10; ++ping) slots.push_back(histories.append(naive.append()));
   EXPECT_EQ(histories.storedPoses(), 140U);
   histories.resample({0, 0, 1, 1});
   EXPECT_EQ(histories.storedPoses(), 120U);
@@ -128,32 +133,74 @@ TEST(TrajectoryHistories, FreeSegmentsThatNoParticlePointsTo) {
 TEST(TrajectoryHistories, StayAsTheyAreWhenResampledToThemselves) {
   TrajectoryHistories histories(3);
   NaiveHistories naive(3);
+  std::vector<PoseSlot> slots;
   histories.resample({0, 1, 2});  // before any ping
   for (int i = 0; i < 5; ++i) {
-    histories.append(naive.append());
+    slots.push_back(histories.append(naive.append()));
     histories.resample({0, 1, 2});
     histories.resample({0, 1, 2});
   }
-  expectEqual(histories, naive);
+  expectEqual(histories, naive, slots);
   EXPECT_EQ(histories.storedPoses(), 15U);
+}
+
+// What readers rely on while the survey goes on: no pose moves, and a past that somebody still
+// looks at stays as it was.
+TEST(TrajectoryHistories, LeaveEarlierPastsAsTheyWere) {
+  TrajectoryHistories histories(3);
+  NaiveHistories naive(3);
+  std::vector<PoseSlot> slots;
+  for (int ping = 0; ping < 100; ++ping) slots.push_back(histories.append(naive.append()));
+  const NaiveHistories naive_before = naive;
+  const auto before = histories.pasts();
+  histories.resample({2, 2, 0});
+  naive.resample({2, 2, 0});
+  for (int ping = 0; ping < 5000; ++ping) slots.push_back(histories.append(naive.append()));
+  expectEqual(histories, naive, slots);
+  for (std::size_t j = 0; j < 3; ++j) {
+    for (std::size_t ping = 0; ping < 100; ++ping) {
+      EXPECT_EQ(before->at(j, slots[ping]).x_m, static_cast<double>(naive_before.pasts()[j][ping]));
+    }
+  }
+}
+
+// Heirs made aside inherit what is appended before they succeed, from a poses' trickle to more
+// segments than there was room for.
+TEST(TrajectoryHistories, HeirsBringInWhatHasComeSince) {
+  for (const int pings_since : {0, 1, 63, 64, 65, 20000}) {
+    TrajectoryHistories histories(4);
+    NaiveHistories naive(4);
+    std::vector<PoseSlot> slots;
+    for (int ping = 0; ping < 100; ++ping) slots.push_back(histories.append(naive.append()));
+    auto heirs = TrajectoryHistories::heirs({1, 1, 3, 0}, histories.now());
+    for (int ping = 0; ping < pings_since; ++ping) {
+      slots.push_back(histories.append(naive.append()));
+    }
+    histories.succeed(std::move(heirs));
+    naive.resample({1, 1, 3, 0});
+    for (int ping = 0; ping < 3; ++ping) slots.push_back(histories.append(naive.append()));
+    expectEqual(histories, naive, slots);
+    EXPECT_EQ(histories.storedPoses(), naive.distinctPoses());
+  }
 }
 
 TEST(TrajectoryHistories, RefuseAnythingButOnePoseForEachParticle) {
   TrajectoryHistories histories(3);
   EXPECT_THROW(histories.append(std::vector<Pose2>(2)), std::invalid_argument);
   EXPECT_THROW(histories.append(std::vector<Pose2>(4)), std::invalid_argument);
-  EXPECT_EQ(histories.pings(), 0U);
+  EXPECT_EQ(histories.storedPoses(), 0U);
 }
 
 TEST(TrajectoryHistories, RefuseMalformedAncestorsAndKeepWhatTheyHave) {
   TrajectoryHistories histories(3);
   NaiveHistories naive(3);
-  histories.append(naive.append());
+  std::vector<PoseSlot> slots;
+  slots.push_back(histories.append(naive.append()));
   EXPECT_THROW(histories.resample({0, 1}), std::invalid_argument);
   EXPECT_THROW(histories.resample({0, 1, 2, 0}), std::invalid_argument);
   EXPECT_THROW(histories.resample({0, 1, 3}), std::invalid_argument);
   EXPECT_THROW(histories.resample({0, static_cast<std::uint32_t>(-1), 1}), std::invalid_argument);
-  expectEqual(histories, naive);
+  expectEqual(histories, naive, slots);
 }
 
 TEST(HistoryPose, GivesBackTheYawToFloatPrecision) {

@@ -1,4 +1,7 @@
-"""Fetches beams from the core: minibatches ahead of the training, and the log in its order."""
+"""Fetches beams from the core: minibatches ahead of the training, and the log in its order.
+
+Under an offline replay minibatches are not asked for ahead, but in turns: see turns.py.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +35,42 @@ class Minibatches:
     beams: np.ndarray  # [P, M, 3] m, x and y relative to the survey origin
 
 
+class MinibatchClient:
+    """Asks the core for minibatches and waits for the answer; not to be shared by threads."""
+
+    def __init__(self, size: int, epoch: Callable[[], int]) -> None:
+        """size: beams of a minibatch; epoch: the node's own."""
+        self._size = size
+        self._epoch = epoch
+        self._proxy: rospy.ServiceProxy | None = None
+
+    def ask(self, particles: Sequence[int]) -> Minibatches | None:
+        """One call; none while the core has no minibatches to give."""
+        asked_epoch = self._epoch()
+        if self._proxy is None:
+            # Connecting blindly to a core that has gone logs a traceback for every attempt.
+            rospy.wait_for_service(SERVICE, timeout=BACK_OFF_S[1])
+            self._proxy = rospy.ServiceProxy(SERVICE, GetMinibatches, persistent=True)
+        response: GetMinibatchesResponse = self._proxy(particles, self._size)
+        if not response.success:
+            rospy.loginfo_throttle(WARNING_PERIOD_S, "waiting for beams: %s", response.message)
+            return None
+        shape = (len(particles), self._size, 3)
+        return Minibatches(
+            asked_epoch=asked_epoch,
+            epoch=response.epoch,
+            resampling=response.resampling,
+            beams_in_log=response.beams_in_log,
+            beams=unpack("beams", response.beams, shape),
+        )
+
+    def disconnect(self) -> None:
+        """After a call that failed: the next one connects anew."""
+        proxy, self._proxy = self._proxy, None
+        if proxy is not None:
+            proxy.close()
+
+
 class MinibatchFeed:
     """A thread that keeps exactly one reply ready, so that training never waits for the network."""
 
@@ -40,13 +79,11 @@ class MinibatchFeed:
     ) -> None:
         """particles: called for each question, for whom to ask; epoch: the node's own."""
         self._particles = particles
-        self._size = size
-        self._epoch = epoch
+        self._client = MinibatchClient(size, epoch)
         self._ready: Minibatches | None = None
         self._tickets = 0  # rises when replies to earlier questions are not wanted any more
         self._changed = threading.Condition()
         self._stopped = threading.Event()
-        self._proxy: rospy.ServiceProxy | None = None
         self._thread = threading.Thread(target=self._run, name="minibatches", daemon=True)
         self._thread.start()
 
@@ -77,13 +114,13 @@ class MinibatchFeed:
         while self._wait_for_demand():
             ticket = self._tickets
             try:
-                reply = self._ask()
+                reply = self._client.ask(list(self._particles()))
                 back_off_s = BACK_OFF_S[0]
             except BadRequest as error:
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "minibatches refused: %s", error)
                 reply = None
             except Exception as error:  # whatever it is: without this thread training would end
-                self._disconnect()
+                self._client.disconnect()
                 if self._stopped.is_set() or rospy.is_shutdown():
                     return
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "no minibatches: %s", error)
@@ -102,32 +139,6 @@ class MinibatchFeed:
         with self._changed:
             self._changed.wait_for(lambda: self._ready is None or self._stopped.is_set())
         return not self._stopped.is_set()
-
-    def _ask(self) -> Minibatches | None:
-        """One call; none while the core has no minibatches to give."""
-        asked_epoch = self._epoch()
-        if self._proxy is None:
-            # Connecting blindly to a core that has gone logs a traceback for every attempt.
-            rospy.wait_for_service(SERVICE, timeout=BACK_OFF_S[1])
-            self._proxy = rospy.ServiceProxy(SERVICE, GetMinibatches, persistent=True)
-        particles = list(self._particles())
-        response: GetMinibatchesResponse = self._proxy(particles, self._size)
-        if not response.success:
-            rospy.loginfo_throttle(WARNING_PERIOD_S, "waiting for beams: %s", response.message)
-            return None
-        shape = (len(particles), self._size, 3)
-        return Minibatches(
-            asked_epoch=asked_epoch,
-            epoch=response.epoch,
-            resampling=response.resampling,
-            beams_in_log=response.beams_in_log,
-            beams=unpack("beams", response.beams, shape),
-        )
-
-    def _disconnect(self) -> None:
-        proxy, self._proxy = self._proxy, None
-        if proxy is not None:
-            proxy.close()
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from rbpf_svgp_slam.ros.parameters import NodeParameters
 from rbpf_svgp_slam.ros.payload import BadRequest, pack, unpack
 from rbpf_svgp_slam.ros.peers import Peers
 from rbpf_svgp_slam.ros.training import MinibatchTraining, StreamTraining
+from rbpf_svgp_slam.ros.turns import IN_TURNS
 
 STATUS_PERIOD_S = 0.5
 # Shares of resampling/timeout_s, the core's own patience: who waits for others gives up before
@@ -71,7 +72,10 @@ class MapNode:
             rospy.Service("~get_maps", srv.GetMaps, self._get_maps),
         ]
         training_class = MinibatchTraining if factory.teacher is None else StreamTraining
-        self._training = training_class(self._store, factory, self._between_steps)
+        in_turns = rospy.get_param(IN_TURNS, False)
+        self._training = training_class(
+            self._store, factory, self._between_steps, self._make_status if in_turns else None
+        )
 
     def spin(self) -> None:
         """Train until shutdown."""
@@ -89,13 +93,13 @@ class MapNode:
     def _between_steps(self) -> None:
         if time.monotonic() >= self._next_status_s:
             self._next_status_s = time.monotonic() + STATUS_PERIOD_S
-            self._publish_status()
+            self._status.publish(self._make_status())
         try:
             self._publisher.advance()
         except Exception as error:  # a picture is not worth a map
             rospy.logerr_throttle(ERROR_PERIOD_S, f"publishing the map failed: {error!r}")
 
-    def _publish_status(self) -> None:
+    def _make_status(self) -> MapStatus:
         maps = self._store.maps().values()
         status = MapStatus(
             node=self._index,
@@ -110,7 +114,7 @@ class MapNode:
             peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
         )
         status.header.stamp = rospy.Time.now()
-        self._status.publish(status)
+        return status
 
     # Services
 

@@ -2,38 +2,119 @@
 
 from __future__ import annotations
 
+import argparse
 import signal
+import socket
 import subprocess
 import sys
 import time
+import xmlrpc.client
 from pathlib import Path
+from typing import Collection, Sequence
+
+import rosgraph
 
 from rbpf_svgp_slam.ros.map_node_start import load_parameters
-from rbpf_svgp_slam.ros.parameters import ParameterError
+from rbpf_svgp_slam.ros.parameters import GROUP, ParameterError
 
 POLL_S = 0.2
 PATIENCE_S = 5.0  # for a node to end after SIGINT, before it is killed
+CORE = "rbpf_core"
+NOTICE_S = 3.0  # of waiting for the core, after which we say so
+# For the master and for nodes on other hosts; one that has been switched off never answers.
+ANSWER_S = 5.0
+ALL = "all"
 
 
-def start_map_nodes() -> int | str:
-    """Run svgp_node_0 .. B-1 until one ends or we are told to; returns what sys.exit() takes."""
-    try:
-        nodes = load_parameters().nodes
-    except ParameterError as error:
-        return f"svgp_nodes: {error}"
+def start_map_nodes(arguments: Sequence[str]) -> int | str:
+    """Run this host's map nodes until one ends or we are told to; returns what sys.exit() takes."""
+    options = _parse(arguments)
     # roslaunch stops a node by SIGINT, then SIGTERM: both must reach the children
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    children: list[subprocess.Popen] = []
+    socket.setdefaulttimeout(ANSWER_S)
+    children: dict[int, subprocess.Popen] = {}
     try:
-        children = [subprocess.Popen(_command(index)) for index in range(nodes)]
-        while all(child.poll() is None for child in children):
+        _wait_for_core()
+        indices = share_of_host(options.first, options.count, load_parameters().nodes)
+        _check_not_running(indices)
+        children.update((index, subprocess.Popen(_command(index))) for index in indices)
+        while all(child.poll() is None for child in children.values()):
             time.sleep(POLL_S)
-        index = next(k for k, child in enumerate(children) if child.poll() is not None)
+        index = next(k for k, child in children.items() if child.poll() is not None)
         return f"svgp_nodes: svgp_node_{index} ended with exit status {children[index].poll()}"
+    except ParameterError as error:
+        return f"svgp_nodes: {error}"
     except KeyboardInterrupt:
         return 0
     finally:
-        _stop(children)
+        _stop(children.values())
+
+
+def share_of_host(first: str, count: str, nodes: int) -> range:
+    """Indices of the map nodes that a host starts, of 0 .. nodes - 1."""
+    of_all = f"{GROUP}/nodes is {nodes}"
+    if not (first.isdecimal() and int(first) < nodes):
+        raise ParameterError(f"first is {first}; expected an integer in 0 .. {nodes - 1}: {of_all}")
+    most = nodes - int(first)
+    if count == ALL:
+        count = str(most)
+    if not (count.isdecimal() and 1 <= int(count) <= most):
+        raise ParameterError(
+            f"count is {count}; expected {ALL} or an integer in 1 .. {most}: {of_all}, "
+            f"first is {first}"
+        )
+    return range(int(first), int(first) + int(count))
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="svgp_nodes.py", description=__doc__)
+    parser.add_argument("--first", default="0", help="index of this host's first map node")
+    parser.add_argument("--count", default=ALL, help=f"how many; {ALL}: those from the first on")
+    # roslaunch adds remappings
+    return parser.parse_args([word for word in arguments if ":=" not in word])
+
+
+def _wait_for_core() -> None:
+    """Its launch file sets the parameters; on another host we may well be there before it."""
+    notice_at_s = time.monotonic() + NOTICE_S
+    while _uri_of(CORE) is None:
+        if time.monotonic() >= notice_at_s:
+            uri = rosgraph.get_master_uri()
+            print(f"svgp_nodes: waiting for {CORE} at ROS master {uri}", flush=True)
+            notice_at_s = float("inf")
+        time.sleep(POLL_S)
+
+
+def _check_not_running(indices: range) -> None:
+    """A node of the same name on another host would be shut down by the master."""
+    for index in indices:
+        uri = _uri_of(f"svgp_node_{index}")
+        if uri is not None and _answers(uri):
+            raise ParameterError(
+                f"svgp_node_{index} runs already, at {uri}; expected each map node on one host: "
+                "see local_nodes of the core's launch file, first and count of svgp_nodes.launch"
+            )
+
+
+def _uri_of(node: str) -> str | None:
+    """Where a node is registered, if it is."""
+    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), node)
+    try:
+        return rosgraph.Master("/svgp_nodes").lookupNode(name)
+    except rosgraph.MasterError:
+        return None
+    except OSError as error:
+        uri = rosgraph.get_master_uri()
+        raise ParameterError(f"ROS master {uri} does not answer: {error}") from None
+
+
+def _answers(uri: str) -> bool:
+    """A node that was killed stays registered."""
+    try:
+        xmlrpc.client.ServerProxy(uri).getPid("/svgp_nodes")
+    except (OSError, xmlrpc.client.Error):
+        return False
+    return True
 
 
 def _command(index: int) -> list[str]:
@@ -41,7 +122,7 @@ def _command(index: int) -> list[str]:
     return [str(script), f"__name:=svgp_node_{index}", f"_index:={index}"]
 
 
-def _stop(children: list[subprocess.Popen]) -> None:
+def _stop(children: Collection[subprocess.Popen]) -> None:
     for child in children:
         if child.poll() is None:
             child.send_signal(signal.SIGINT)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import rosbag
 import rospy
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
@@ -23,6 +24,10 @@ from rbpf_svgp_slam.ros.run_folder import assemble_run
 POLL_S = 0.1
 PATH_PERIOD_S = 1.0
 PATH_POSES = 4000
+# With nodes that publish a status twice a second, or the core, on top of its own period.
+STATUS_PATIENCE_S = 10.0
+CORE = "rbpf_core"
+FAILURES = (RuntimeError, ValueError, OSError, rosbag.ROSBagException, rospy.ServiceException)
 
 
 class Recorder:
@@ -35,31 +40,38 @@ class Recorder:
         self.ground_truth: list[tuple[float, ...]] = []  # stamp x y z roll pitch yaw
         self.statuses: list[FilterStatus] = []
         self.map_statuses: dict[int, MapStatus] = {}
-        self.started_s: float | None = None  # wall clock, at the first odometry
-        self.finished_s: float | None = None
+        self.wall_s = 0.0  # that the survey took, once it is over
+        self._started_s: float | None = None  # wall clock, at the first odometry
+        nodes = range(self.parameters["nodes"])
+        # Statuses by sender.
+        self._heard = {CORE: 0, **{f"svgp_node_{k}": 0 for k in nodes}}
         self._map_frame = self.parameters["frames"]["map"]
         self._path = rospy.Publisher("ground_truth_path", PathMessage, queue_size=1, latch=True)
         self._next_path_s = 0.0
         self._saving = False
         self._subscribers = [
             rospy.Subscriber("ground_truth", Odometry, self._on_ground_truth),
-            rospy.Subscriber("rbpf_core/status", FilterStatus, self._on_status),
+            rospy.Subscriber(f"{CORE}/status", FilterStatus, self._on_status),
         ] + [
-            rospy.Subscriber(f"svgp_node_{k}/status", MapStatus, self._on_map_status)
-            for k in range(self.parameters["nodes"])
+            rospy.Subscriber(f"svgp_node_{k}/status", MapStatus, self._on_map_status) for k in nodes
         ]
         self._save = rospy.Service("~save", Trigger, self._on_save)
 
     def run(self) -> int:
         """Follow the survey to its end and write the run folder; returns the exit status."""
-        source = self._source()
         try:
+            source = self._source()
             self._follow(source)
             if rospy.is_shutdown():
                 return 1
-            self._finish_survey()
+            if isinstance(source, OfflineReplay):
+                self.wall_s = source.wall_s()  # and it has seen to the final training
+            else:
+                self._finish_survey()
+            self._await_last_words()
+            rospy.loginfo("Writing the report to %s", self.out_dir)
             report = write_run(assemble_run(self, source), self.out_dir)
-        except (RuntimeError, ValueError, OSError, rospy.ServiceException) as error:
+        except FAILURES as error:
             rospy.logfatal("No report: %s", error)
             return 1
         print(summarise(report, self.out_dir), flush=True)
@@ -91,14 +103,25 @@ class Recorder:
         progress.end()
 
     def _finish_survey(self) -> None:
-        rospy.ServiceProxy("rbpf_core/finish", Trigger)()
-        self.finished_s = time.monotonic()
+        rospy.ServiceProxy(f"{CORE}/finish", Trigger)()
+        self.wall_s = time.monotonic() - (self._started_s or time.monotonic())
         rest_s = float(self.parameters["output"]["final_training_s"])
         rospy.loginfo("Survey over; training on the whole log for %.0f s more.", rest_s)
         end_s = time.monotonic() + rest_s
         while time.monotonic() < end_s and not rospy.is_shutdown():
             time.sleep(POLL_S)
-        rospy.loginfo("Writing the report to %s", self.out_dir)
+
+    def _await_last_words(self) -> None:
+        """Two more statuses of everybody: what is on its way now may be from before the end."""
+        before = self._heard.copy()
+        patience_s = STATUS_PATIENCE_S + 2.0 / self.parameters["output"]["publish_rate_hz"]
+        give_up_s = time.monotonic() + patience_s
+        silent = list(before)
+        while silent and time.monotonic() < give_up_s and not rospy.is_shutdown():
+            time.sleep(POLL_S)
+            silent = [name for name in before if self._heard[name] < before[name] + 2]
+        if silent:
+            rospy.logwarn("No news from %s for %.0f s.", ", ".join(silent), patience_s)
 
     def _on_ground_truth(self, message: Odometry) -> None:
         if message.header.frame_id != self._map_frame:
@@ -118,12 +141,14 @@ class Recorder:
         self.ground_truth.append((stamp_s, p.x, p.y, p.z, roll, pitch, yaw))
 
     def _on_status(self, status: FilterStatus) -> None:
-        if status.odometry_messages and self.started_s is None:
-            self.started_s = time.monotonic()
+        if status.odometry_messages and self._started_s is None:
+            self._started_s = time.monotonic()
         self.statuses.append(status)
+        self._heard[CORE] += 1
 
     def _on_map_status(self, status: MapStatus) -> None:
         self.map_statuses[status.node] = status
+        self._heard[f"svgp_node_{status.node}"] += 1
 
     def _on_save(self, _: Trigger) -> TriggerResponse:
         self._saving = True

@@ -16,22 +16,23 @@ PRINT_PERIOD_S = 1.0
 
 
 class _Bag:
-    """First and last odometry stamp and the number of pings of a bag."""
+    """The number of pings of a bag."""
 
     def __init__(self, path: str, odometry_topic: str, ping_topic: str) -> None:
         self.path = path
         with rosbag.Bag(path) as bag:
-            self.pings = bag.get_message_count(ping_topic)
-            stamps = [
-                message.header.stamp.to_sec()
-                for _, message, _ in bag.read_messages(topics=[odometry_topic])
-            ]
-        if not stamps or not self.pings:
+            odometry, self.pings = map(bag.get_message_count, (odometry_topic, ping_topic))
+        if not odometry or not self.pings:
             raise RuntimeError(
-                f"{path} holds {len(stamps)} messages on {odometry_topic} and {self.pings} on "
+                f"{path} holds {odometry} messages on {odometry_topic} and {self.pings} on "
                 f"{ping_topic}; expected both (launch arguments odom_topic, ping_topic)"
             )
-        self.begin_s, self.end_s = min(stamps), max(stamps)
+
+    def messages(self, topic: str) -> Iterator[Any]:
+        """What the bag holds of a topic."""
+        with rosbag.Bag(self.path) as bag:
+            for _, message, _ in bag.read_messages(topics=[topic]):
+                yield message
 
     def lost(self, status: FilterStatus) -> int:
         """Pings of the bag that the core has neither taken in nor refused as malformed."""
@@ -41,8 +42,10 @@ class _Bag:
 class PlayedBag(_Bag):
     """A bag played by rosbag play."""
 
-    def __init__(self, *args: str) -> None:
-        super().__init__(*args)
+    def __init__(self, path: str, odometry_topic: str, ping_topic: str) -> None:
+        super().__init__(path, odometry_topic, ping_topic)
+        stamps_s = [message.header.stamp.to_sec() for message in self.messages(odometry_topic)]
+        self.begin_s, self.end_s = min(stamps_s), max(stamps_s)
         self._last = (0.0, 0)
         self._moved_s = time.monotonic()
 
@@ -63,19 +66,15 @@ class PlayedBag(_Bag):
 
 
 class OfflineReplay(_Bag):
-    """A bag read by rbpf_offline, which says by a parameter when it is through."""
+    """A bag read by rbpf_offline, which says by parameters when it is through, and how it went."""
 
-    def messages(self, topic: str) -> Iterator[Any]:
-        """What would have been heard on a topic, had the bag been played."""
-        with rosbag.Bag(self.path) as bag:
-            for _, message, _ in bag.read_messages(topics=[topic]):
-                yield message
+    def is_over(self, _: FilterStatus) -> bool:
+        """The survey and the final training are."""
+        return rospy.get_param("rbpf_core/replay_finished", False)
 
-    def is_over(self, status: FilterStatus) -> bool:
-        """The replay is through and this status tells of its end."""
-        return rospy.get_param("rbpf_core/replay_finished", False) and (
-            status.header.stamp.to_sec() >= self.end_s
-        )
+    def wall_s(self) -> float:
+        """That the survey took, final training not included."""
+        return float(rospy.get_param("rbpf_core/replay_wall_s"))
 
 
 class ProgressLine:

@@ -104,7 +104,7 @@ def _statistics(recorder: Recorder, survey: Any, source: Any) -> dict[str, Any]:
         "pings_dropped": dropped,
         "beams": len(survey.levelled),
         "duration_s": float(survey.stamp_s[-1] - survey.stamp_s[0]) if len(survey.stamp_s) else 0.0,
-        "wall_s": recorder.finished_s - (recorder.started_s or recorder.finished_s),
+        "wall_s": recorder.wall_s,
         "iterations_total": sum(int(m.steps) for m in recorder.map_statuses.values()),
         "loop_closure_prompts": status.prompts,
         "resamplings": status.epoch,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import time
 from abc import ABC, abstractmethod
 from typing import Callable, Sequence
 
@@ -12,13 +11,14 @@ import rospy
 from rbpf_svgp_slam.maps import MapFactory
 from rbpf_svgp_slam.ros.core_client import BeamReader, Beams, MinibatchFeed, Minibatches
 from rbpf_svgp_slam.ros.map_store import RETRY_S, MapStore
+from rbpf_svgp_slam.ros.turns import EndTurn, TurnFeed, WallClock, WorkClock
 
 # Longest wait for minibatches, after which the node looks after its other duties.
 IDLE_S = 0.1
 ERROR_PERIOD_S = 10.0
 # Beams of each map that are asked for at once.
 BLOCK_BEAMS = 1024
-# Time between two questions for new beams: a block costs more, per beam, the shorter it is.
+# Live, time between two questions for new beams: a block costs more, per beam, the shorter it is.
 READ_PERIOD_S = 0.5
 # Largest share of the time that is spent on rebuilding maps.
 REBUILD_SHARE = 0.3
@@ -33,11 +33,20 @@ class Training(ABC):
         particles: Callable[[], Sequence[int]],
         minibatch_size: int,
         between_steps: Callable[[], None],
+        end_turn: EndTurn | None,
     ) -> None:
-        """particles: whose minibatches are wanted; between_steps: called where others may work."""
+        """particles: whose minibatches are wanted; between_steps: called where others may work.
+
+        end_turn: none if live; under an offline replay, what has become of the node in a turn.
+        """
         self._store = store
         self._between_steps = between_steps
-        self._feed = MinibatchFeed(particles, minibatch_size, lambda: store.epoch)
+        request = (particles, minibatch_size, lambda: store.epoch)
+        self._feed: MinibatchFeed | TurnFeed
+        if end_turn is None:
+            self._feed = MinibatchFeed(*request)
+        else:
+            self._feed = TurnFeed(*request, maps=len(store.own), end_turn=end_turn)
 
     def advance(self) -> None:
         """A piece of training, or a short wait."""
@@ -102,9 +111,13 @@ class MinibatchTraining(Training):
     """Every map learns from minibatches of its own, round robin."""
 
     def __init__(
-        self, store: MapStore, factory: MapFactory, between_steps: Callable[[], None]
+        self,
+        store: MapStore,
+        factory: MapFactory,
+        between_steps: Callable[[], None],
+        end_turn: EndTurn | None = None,
     ) -> None:
-        super().__init__(store, lambda: store.own, factory.minibatch_size, between_steps)
+        super().__init__(store, lambda: store.own, factory.minibatch_size, between_steps, end_turn)
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
@@ -124,49 +137,65 @@ class StreamTraining(Training):
     """
 
     def __init__(
-        self, store: MapStore, factory: MapFactory, between_steps: Callable[[], None]
+        self,
+        store: MapStore,
+        factory: MapFactory,
+        between_steps: Callable[[], None],
+        end_turn: EndTurn | None = None,
     ) -> None:
-        turns = itertools.cycle(store.own)
-        super().__init__(store, lambda: [next(turns)], factory.minibatch_size, between_steps)
+        round_robin = itertools.cycle(store.own)
+        super().__init__(
+            store, lambda: [next(round_robin)], factory.minibatch_size, between_steps, end_turn
+        )
         self._core = BeamReader()
         self._rebuild_beams = factory.rebuild_beams
-        self._next_read_s = 0.0  # monotonic, as the next
-        self._next_rebuild_s = 0.0
+        # What rebuilding has its share of: the time itself if live, else the work done.
+        self._clock = WallClock() if end_turn is None else WorkClock()
+        self._read_period = READ_PERIOD_S if end_turn is None else 0.0
+        self._next_read = 0.0  # by the clock, as the next
+        self._next_rebuild = 0.0
         self._last_rebuilt = -1
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
-        if time.monotonic() >= self._next_read_s and not self._catch_up(epoch, N):
+        if self._clock.now() >= self._next_read and not self._catch_up(epoch, N):
             return
-        if self._attempt(
-            "training step of the teacher",
-            lambda: self._store.teach(epoch, minibatches.beams[0], N),
-        ):
+        for beams in minibatches.beams:
+            self._clock.spend(1.0)
+            if not self._attempt(
+                "training step of the teacher", lambda: self._store.teach(epoch, beams, N)
+            ):
+                return
             self._rebuild_one(epoch, N)
 
     def _catch_up(self, epoch: int, N: int) -> bool:
-        """The log's next beams into every map that is behind; false: that is not all to be done."""
-        behind = self._store.behind(N)
-        if not behind:
-            return True
+        """The log's first N beams into every map; false: the core or its epoch has gone."""
+        behind, before = self._store.behind(N), {}
+        while behind and behind != before:  # maps that take in nothing must not hold up the others
+            if not self._take_in_blocks(behind, epoch):
+                return False
+            behind, before = self._store.behind(N), behind
+        self._next_read = self._clock.now() + self._read_period
+        return True
+
+    def _take_in_blocks(self, behind: dict[int, int], epoch: int) -> bool:
+        """The next block of beams into every map that is behind; false as above."""
         reply = self._core.read(list(behind), list(behind.values()), BLOCK_BEAMS)
         if reply is None or reply.epoch != epoch:
             return False
         for (particle, first), beams in zip(behind.items(), reply.beams):
-            if len(beams) > 0 and not self._attempt(
+            self._clock.spend(1.0)
+            if not self._attempt(
                 f"taking in beams of particle {particle}",
                 lambda: self._store.take_in(particle, epoch, first, beams),
             ):
                 return False
-        if N - min(behind.values()) > BLOCK_BEAMS:
-            return False
-        self._next_read_s = time.monotonic() + READ_PERIOD_S
         return True
 
     def _rebuild_one(self, epoch: int, N: int) -> None:
-        """One map anew, if the teacher has moved on, and enough time has gone since the last."""
-        start_s = time.monotonic()
-        outdated = self._store.outdated() if start_s >= self._next_rebuild_s else []
+        """One map anew, if the teacher has moved on, and enough has been done since the last."""
+        start = self._clock.now()
+        outdated = self._store.outdated() if start >= self._next_rebuild else []
         if not outdated:
             return
         # In turn, so that each gets its own.
@@ -178,12 +207,13 @@ class StreamTraining(Training):
         beams = sample.beams[0]
         whole = N <= self._rebuild_beams
         represented = len(beams) if whole else sample.beams_in_log
+        self._clock.spend(1.0 + len(beams) / BLOCK_BEAMS)
         self._attempt(
             f"rebuilding the map of particle {particle}",
             lambda: self._store.rebuild(particle, epoch, beams, represented),
         )
-        pause_s = (time.monotonic() - start_s) * (1.0 / REBUILD_SHARE - 1.0)
-        self._next_rebuild_s = time.monotonic() + pause_s
+        pause = (self._clock.now() - start) * (1.0 / REBUILD_SHARE - 1.0)
+        self._next_rebuild = self._clock.now() + pause
 
     def _sample(self, particle: int, N: int) -> Beams | None:
         """All beams of the log, or as many as a rebuild wants of them."""

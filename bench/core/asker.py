@@ -1,0 +1,31 @@
+"""Stands in for a map node that does nothing but ask for minibatches, as fast as it can."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import rospy
+
+from rbpf_svgp_slam.ros.core_client import SERVICE
+from rbpf_svgp_slam.srv import GetMinibatches
+
+MINIBATCH_SIZE = 1000
+
+
+def main() -> None:
+    """Ask for the particles first .. last - 1 until interrupted; then print the replies."""
+    first, last = map(int, sys.argv[1:])
+    rospy.init_node(f"asker_{first}", disable_signals=True)
+    rospy.wait_for_service(SERVICE)
+    ask = rospy.ServiceProxy(SERVICE, GetMinibatches, persistent=True)
+    replies = 0
+    try:
+        while True:
+            replies += ask(list(range(first, last)), MINIBATCH_SIZE).success
+    except KeyboardInterrupt:
+        print(json.dumps({"minibatches": replies * (last - first)}))
+
+
+if __name__ == "__main__":
+    main()

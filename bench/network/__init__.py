@@ -1,0 +1,1 @@
+"""Two hosts in one machine: network namespaces joined by a link of a given delay."""

@@ -1,0 +1,125 @@
+#include "rbpf_core/filter_snapshot.hpp"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace rbpf_core {
+
+// ---- beams for the maps ----------------------------------------------------------------------
+
+std::size_t FilterSnapshot::drawMinibatch(std::size_t particle, std::size_t size,
+                                          PlacedBeam* out) const {
+  if (beams_released_ == 0) return 0;
+  const std::uint64_t call = minibatch_calls_->at(particle).fetch_add(1);
+  const std::size_t stream_of = params_->common_random_numbers ? 0 : particle;
+  rbpf_core::drawMinibatch(books_->log, beams_released_, *pasts_, particle, params_->origin,
+                           makeStream(params_->seed, StreamPurpose::kMinibatch, stream_of, call),
+                           size, out);
+  return beams_released_;
+}
+
+void FilterSnapshot::placeBlock(std::size_t particle, std::size_t first, std::size_t size,
+                                PlacedBeam* out) const {
+  if (particle >= params_->particles) {
+    throw std::out_of_range("particle " + std::to_string(particle) + ", expected below " +
+                            std::to_string(params_->particles));
+  }
+  if (first > beams_released_ || size > beams_released_ - first) {
+    throw std::out_of_range(std::to_string(size) + " beams from " + std::to_string(first) +
+                            ", expected no more than the " + std::to_string(beams_released_) +
+                            " released");
+  }
+  rbpf_core::placeBlock(books_->log, first, size, *pasts_, particle, params_->origin, out);
+}
+
+// ---- where the particles are -----------------------------------------------------------------
+
+Pose2 weightedMean(const std::vector<Pose2>& poses, const Eigen::ArrayXd& weights) {
+  Pose2 mean;
+  double cos_yaw = 0.0;
+  double sin_yaw = 0.0;
+  for (std::size_t j = 0; j < poses.size(); ++j) {
+    const double w = weights(static_cast<Eigen::Index>(j));
+    mean.x_m += w * poses[j].x_m;
+    mean.y_m += w * poses[j].y_m;
+    cos_yaw += w * std::cos(poses[j].yaw_rad);
+    sin_yaw += w * std::sin(poses[j].yaw_rad);
+  }
+  mean.yaw_rad = std::atan2(sin_yaw, cos_yaw);
+  return mean;
+}
+
+Eigen::Matrix3d weightedCovariance(const std::vector<Pose2>& poses, const Eigen::ArrayXd& weights,
+                                   const Pose2& mean) {
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (std::size_t j = 0; j < poses.size(); ++j) {
+    const Eigen::Vector3d deviation(poses[j].x_m - mean.x_m, poses[j].y_m - mean.y_m,
+                                    wrapAngle(poses[j].yaw_rad - mean.yaw_rad));
+    covariance += weights(static_cast<Eigen::Index>(j)) * deviation * deviation.transpose();
+  }
+  return covariance;
+}
+
+Estimate FilterSnapshot::estimate() const {
+  if (!now_) return {};
+  const Eigen::ArrayXd weights = log_weights_->exp();
+  Estimate estimate;
+  estimate.stamp_s = now_->odometry.stamp_s;
+  estimate.attitude = now_->odometry.attitude;
+  estimate.mean = weightedMean(now_->poses, weights);
+  estimate.covariance = weightedCovariance(now_->poses, weights, estimate.mean);
+  estimate.odometry = now_->odometry.pose;
+  estimate.dead_reckoning = now_->dead_reckoning;
+  return estimate;
+}
+
+std::vector<Pose2> FilterSnapshot::particles() const {
+  return now_ ? now_->poses : std::vector<Pose2>{};
+}
+
+// ---- pings -----------------------------------------------------------------------------------
+
+std::vector<Pose2> FilterSnapshot::posesAt(PoseSlot slot) const {
+  std::vector<Pose2> poses;
+  for (std::size_t j = 0; j < pasts_->particles(); ++j) poses.push_back(pasts_->at(j, slot).pose());
+  return poses;
+}
+
+Beams FilterSnapshot::beamsOf(const PingRecord& record) const {
+  const MbesLog& log = record.held_out ? books_->held_out : books_->log;
+  Beams beams(3, record.beams);
+  for (std::uint32_t i = 0; i < record.beams; ++i) {
+    const LoggedBeam& beam = log[record.first_beam + i];
+    beams.col(i) << beam.x_m, beam.y_m, beam.z_m;
+  }
+  return beams;
+}
+
+std::optional<double> FilterSnapshot::latestPingStamp() const {
+  if (pings_ == 0) return std::nullopt;
+  return record(pings_ - 1).stamp_s;
+}
+
+std::optional<PlacedPing> FilterSnapshot::latestPing() const {
+  if (pings_ == 0) return std::nullopt;
+  const PingRecord& latest = record(pings_ - 1);
+  return PlacedPing{latest.stamp_s, static_cast<std::uint32_t>(pings_ - 1), beamsOf(latest),
+                    posesAt(latest.slot)};
+}
+
+std::vector<SurveyPing> FilterSnapshot::survey(std::size_t first, std::size_t count,
+                                               std::size_t stride) const {
+  const Eigen::ArrayXd weights = log_weights_->exp();
+  std::vector<SurveyPing> pings;
+  for (std::size_t i = first; i < pings_ && pings.size() < count; i += stride) {
+    const PingRecord& ping = record(i);
+    const std::vector<Pose2> poses = posesAt(ping.slot);
+    const Pose2 mean = weightedMean(poses, weights);
+    const Eigen::Matrix3d covariance = weightedCovariance(poses, weights, mean);
+    pings.push_back({ping, mean, covariance.diagonal().head<2>().cwiseSqrt(), beamsOf(ping)});
+  }
+  return pings;
+}
+
+}  // namespace rbpf_core

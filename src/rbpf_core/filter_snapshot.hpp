@@ -1,0 +1,130 @@
+// What the filter knows at one instant, for everybody but the thread that feeds it.
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "rbpf_core/append_only.hpp"
+#include "rbpf_core/filter_params.hpp"
+#include "rbpf_core/mbes_log.hpp"
+#include "rbpf_core/trajectory_history.hpp"
+
+namespace rbpf_core {
+
+// What is known of a ping, apart from the particles' poses and its beams.
+struct PingRecord {
+  double stamp_s;
+  Attitude attitude;
+  Pose2 dead_reckoning;
+  PoseSlot slot;           // of its pose in every particle's past
+  std::size_t first_beam;  // in the training log, or in the held-out log
+  std::uint32_t beams;
+  bool held_out;
+};
+
+struct Counters {
+  std::uint64_t odometry_messages = 0;
+  std::uint64_t odometry_rejected = 0;  // not finite, or not later than the one before
+  std::uint64_t pings_dropped = 0;      // no odometry for them, or the queue overflowed
+  std::uint64_t pings_rejected = 0;     // no good beam
+  std::uint64_t beams_rejected = 0;
+};
+
+// All particles and the vehicle at one odometry message.
+struct Instant {
+  Odometry odometry;
+  Pose2 dead_reckoning;
+  std::vector<Pose2> poses;  // [J]
+};
+
+// Estimate and spread of the particles at one instant.
+struct Estimate {
+  double stamp_s = 0.0;
+  Attitude attitude;
+  Pose2 mean;                                            // weighted, yaw on the circle
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of x, y, yaw
+  Pose2 odometry;                                        // the odometry's own pose at that stamp
+  Pose2 dead_reckoning;
+};
+
+// A ping and where each particle saw it.
+struct PlacedPing {
+  double stamp_s = 0.0;
+  std::uint32_t index = 0;
+  Beams levelled_m;          // x, y in the levelled body frame, z in map
+  std::vector<Pose2> poses;  // [J]
+};
+
+// One ping of the finished or growing survey, with the weighted mean of the particles' histories.
+struct SurveyPing {
+  PingRecord record;
+  Pose2 estimate;
+  Eigen::Vector2d std_m;  // weighted spread of the particles' x, y
+  Beams levelled_m;
+};
+
+// What the filter has taken in: it only grows, and a snapshot says how far it may be read.
+struct SurveyBooks {
+  AppendOnly<PingRecord, 4096> records;
+  MbesLog log;       // beams for training
+  MbesLog held_out;  // beams of the pings kept out of it
+};
+
+// Costs a few pointers to make, stays as it is while the filter goes on, and locks nothing: it may
+// be kept for as long as one likes, but not longer than its filter.
+class FilterSnapshot {
+ public:
+  // Algorithm 1: see rbpf_core::drawMinibatch. Returns N, the beams that can be drawn; draws none
+  // if it is 0. Every call for a particle draws anew.
+  std::size_t drawMinibatch(std::size_t particle, std::size_t size, PlacedBeam* out) const;
+
+  // See rbpf_core::placeBlock. Throws std::out_of_range unless the particle exists and all beams up
+  // to first + size have been released.
+  void placeBlock(std::size_t particle, std::size_t first, std::size_t size, PlacedBeam* out) const;
+
+  Estimate estimate() const;
+  std::vector<Pose2> particles() const;
+  const Eigen::ArrayXd& logWeights() const { return *log_weights_; }  // [J], normalised
+
+  std::optional<PlacedPing> latestPing() const;
+  std::optional<double> latestPingStamp() const;  // s; copies no poses
+  std::vector<SurveyPing> survey(std::size_t first, std::size_t count,
+                                 std::size_t stride = 1) const;
+  const PingRecord& record(std::size_t ping) const { return books_->records[ping]; }
+
+  std::size_t pings() const { return pings_; }
+  std::size_t pingsWaiting() const { return pings_waiting_; }
+  std::size_t beams() const { return beams_; }                   // in the training log
+  std::size_t beamsReleased() const { return beams_released_; }  // of those, trained on now
+  std::size_t beamsHeldOut() const { return beams_held_out_; }
+  const Counters& counters() const { return counters_; }
+
+ private:
+  friend class ParticleFilter;
+
+  std::vector<Pose2> posesAt(PoseSlot slot) const;
+  Beams beamsOf(const PingRecord& record) const;
+
+  const FilterParams* params_ = nullptr;
+  const SurveyBooks* books_ = nullptr;
+  std::vector<std::atomic<std::uint64_t>>* minibatch_calls_ = nullptr;  // [J]
+  std::shared_ptr<const Pasts> pasts_;
+  std::shared_ptr<const Instant> now_;  // null before the first odometry
+  std::shared_ptr<const Eigen::ArrayXd> log_weights_;
+  std::size_t pings_ = 0;
+  std::size_t pings_waiting_ = 0;
+  std::size_t beams_ = 0;
+  std::size_t beams_released_ = 0;
+  std::size_t beams_held_out_ = 0;
+  Counters counters_;
+};
+
+// Mean and spread of weighted poses; the yaw's mean is taken on the circle.
+Pose2 weightedMean(const std::vector<Pose2>& poses, const Eigen::ArrayXd& weights);
+Eigen::Matrix3d weightedCovariance(const std::vector<Pose2>& poses, const Eigen::ArrayXd& weights,
+                                   const Pose2& mean);
+
+}  // namespace rbpf_core

@@ -1,0 +1,86 @@
+#include "rbpf_node/stamp_order.hpp"
+
+#include <nav_msgs/Odometry.h>
+#include <ros/console.h>
+#include <rosbag/exceptions.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include <algorithm>
+#include <numeric>
+#include <stdexcept>
+#include <tuple>
+#include <utility>
+
+namespace rbpf_node {
+
+namespace {
+
+template <typename Message>
+void expectTopic(const rosbag::Bag& bag, const std::string& topic) {
+  rosbag::View view(bag, rosbag::TopicQuery(topic));
+  for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
+    if (connection->md5sum == ros::message_traits::md5sum<Message>()) continue;
+    throw std::runtime_error(bag.getFileName() + " holds " + connection->datatype + " on " + topic +
+                             ", expected " + ros::message_traits::datatype<Message>());
+  }
+  if (view.getConnections().empty()) {
+    throw std::runtime_error(bag.getFileName() + " holds no message on " + topic);
+  }
+}
+
+template <typename Message>
+void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, StampOrder* order) {
+  rosbag::View view(bag, rosbag::TopicQuery(topic));
+  for (const rosbag::MessageInstance& instance : view) {
+    try {
+      const ros::Time stamp = instance.instantiate<Message>()->header.stamp;
+      // one without a stamp has no place in time: the survey must not begin in 1970
+      if (stamp.isZero()) throw std::runtime_error("it has no stamp");
+      order->messages.push_back({stamp, kind, instance});
+    } catch (const std::exception& error) {
+      ++order->unreadable;
+      ROS_ERROR_THROTTLE(5.0, "Message on %s, received at %.3f s, refused: %s", topic.c_str(),
+                         instance.getTime().toSec(), error.what());
+    }
+  }
+}
+
+}  // namespace
+
+void openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
+  try {
+    bag->open(path, rosbag::bagmode::Read);
+  } catch (const rosbag::BagUnindexedException&) {
+    throw std::runtime_error(path +
+                             " has no index: its recording was cut off. rosbag reindex mends it");
+  } catch (const rosbag::BagException& error) {
+    throw std::runtime_error(path + " cannot be read: " + error.what());
+  }
+  expectTopic<nav_msgs::Odometry>(*bag, topics.odometry);
+  expectTopic<sensor_msgs::PointCloud2>(*bag, topics.pings);
+}
+
+StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics) {
+  StampOrder order;
+  collect<nav_msgs::Odometry>(bag, topics.odometry, InputKind::kOdometry, &order);
+  collect<sensor_msgs::PointCloud2>(bag, topics.pings, InputKind::kPing, &order);
+  if (order.messages.empty()) {
+    throw std::runtime_error(bag.getFileName() + " holds no message that can be read");
+  }
+  // a MessageInstance cannot be assigned: indices are sorted instead
+  std::vector<std::size_t> by_stamp(order.messages.size());
+  std::iota(by_stamp.begin(), by_stamp.end(), 0);
+  std::stable_sort(by_stamp.begin(), by_stamp.end(), [&](std::size_t a, std::size_t b) {
+    const StampedMessage& first = order.messages[a];
+    const StampedMessage& second = order.messages[b];
+    return std::tie(first.stamp, first.kind) < std::tie(second.stamp, second.kind);
+  });
+  std::vector<StampedMessage> sorted;
+  sorted.reserve(by_stamp.size());
+  for (const std::size_t i : by_stamp) sorted.push_back(order.messages[i]);
+  order.messages = std::move(sorted);
+  return order;
+}
+
+}  // namespace rbpf_node

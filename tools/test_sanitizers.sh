@@ -1,0 +1,20 @@
+#!/usr/bin/env bash
+# Builds the core and its tests with sanitizers, and runs them.
+#   tools/test_sanitizers.sh RESULTS     RESULTS: folder for gtest's XML
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export PATH=/usr/bin:/bin:$PATH
+results=$1
+
+for sanitizers in thread address,undefined; do
+  build=build/sanitize/${sanitizers//,/_}  # a comma would split the linker's arguments
+  mkdir -p "$build"
+  {
+    cmake -S . -B "$build" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Debug \
+      -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g" -DRBPF_SANITIZE="$sanitizers"
+    cmake --build "$build" --parallel "$(nproc)" --target test_rbpf_core
+  } >"$build/build.log" 2>&1 || { cat "$build/build.log"; exit 1; }
+  echo "-- $sanitizers"
+  "$build/devel/lib/rbpf_svgp_slam/test_rbpf_core" --gtest_brief=1 \
+    --gtest_output="xml:$results/test_rbpf_core.${sanitizers//,/_}.xml"
+done
