@@ -26,6 +26,8 @@ SECTIONS = {
     "svgp.streaming": "bench.svgp.streaming",
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",
+    "core.prompts": "bench.core.prompts",
+    "core.scaling": "bench.core.scaling",
 }
 
 
