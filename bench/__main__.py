@@ -27,6 +27,7 @@ SECTIONS = {
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",
     "core.prompts": "bench.core.prompts",
+    "core.offline": "bench.core.offline",
     "core.scaling": "bench.core.scaling",
 }
 

@@ -84,6 +84,13 @@ def rss_mb(node: str) -> float:
     return pages * os.sysconf("SC_PAGESIZE") / 1e6
 
 
+def peak_rss_mb(node: str) -> float:
+    """The largest that it has been."""
+    status = _process(node).joinpath("status").read_text()
+    peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+    return int(peak.split()[1]) * 1024 / 1e6
+
+
 def _process(node: str) -> Path:
     """Its folder in /proc."""
     uri = rosgraph.Master("/bench").lookupNode(f"/{node}")
