@@ -26,7 +26,6 @@ SECTIONS = {
     "svgp.streaming": "bench.svgp.streaming",
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",
-    "core.loop_closures": "bench.core.loop_closures",
     "core.weights_and_numbering": "bench.core.weights_and_numbering",
 }
 
