@@ -27,6 +27,8 @@ SECTIONS = {
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",
     "core.weights_and_numbering": "bench.core.weights_and_numbering",
+    "core.prompts": "bench.core.prompts",
+    "core.scaling": "bench.core.scaling",
 }
 
 

@@ -73,9 +73,19 @@ def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PAT
 
 def cpu_s(node: str) -> float:
     """Processor time, s, that a running ROS node of this machine has used so far."""
-    name = f"/{node}"
-    uri = rosgraph.Master("/bench").lookupNode(name)
-    _, _, pid = xmlrpc.client.ServerProxy(uri).getPid("/bench")
     # fields 14 and 15 of proc(5): utime and stime; the second, the name, may hold blanks
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    fields = _process(node).joinpath("stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def rss_mb(node: str) -> float:
+    """Resident memory, MB (1e6 bytes), of a running ROS node of this machine."""
+    pages = int(_process(node).joinpath("statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGESIZE") / 1e6
+
+
+def _process(node: str) -> Path:
+    """Its folder in /proc."""
+    uri = rosgraph.Master("/bench").lookupNode(f"/{node}")
+    _, _, pid = xmlrpc.client.ServerProxy(uri).getPid("/bench")
+    return Path(f"/proc/{pid}")

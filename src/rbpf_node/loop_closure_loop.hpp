@@ -37,14 +37,17 @@ class LoopClosureLoop {
   void promptIfDue();
   bool promptIsDue() const;  // by that thread too
 
+  // What promptIfDue() does once it has decided to; by that thread, or in its place. The first
+  // throws std::runtime_error that names a node which does not answer; the second rolls back.
+  void prompt(const rbpf_core::PlacedPing& ping);
+  void resample(const std::vector<std::uint32_t>& ancestors);
+
   std::uint32_t epoch() const { return epoch_; }   // resamplings committed
   bool resampling() const { return resampling_; }  // one is being carried out
   LoopClosureStatistics statistics() const;
 
  private:
-  void prompt(const rbpf_core::PlacedPing& ping);
   void resampleIfDepleted();
-  void resample(const std::vector<std::uint32_t>& ancestors);
   void skip(const std::string& why);
   void say(const std::string& message);
 
