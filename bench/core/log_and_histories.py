@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
-from bench.paths import BINARIES
+from bench.core import program
 
 #: Pointer segments, and the peer.
 HISTORIES = ("segments", "ancestry_tree")
@@ -18,7 +17,7 @@ MEMORY_RESAMPLINGS = (0, *RESAMPLINGS)
 def run(out: Path) -> dict[str, Any]:
     """Beams per second and core placed into minibatches, and resident memory, over resamplings."""
     rates = _rates(out)
-    memory = {count: _program("bench_memory", str(count)) for count in MEMORY_RESAMPLINGS}
+    memory = {count: program.run("bench_memory", str(count)) for count in MEMORY_RESAMPLINGS}
     most = RESAMPLINGS[-1]
     return {
         "beams_per_s_1_resampling": rates["segments"][1],
@@ -31,15 +30,9 @@ def run(out: Path) -> dict[str, Any]:
 
 def _rates(out: Path) -> dict[str, dict[int, float]]:
     """Beams per second by histories and resamplings."""
-    report = _program("bench_minibatches", "--benchmark_format=json")
+    report = program.run("bench_minibatches", "--benchmark_format=json")
     (out / "minibatches.json").write_text(json.dumps(report, indent=2))
     measured = {one["name"]: one["items_per_second"] for one in report["benchmarks"]}
     return {
         name: {count: measured[f"{name}/{count}"] for count in RESAMPLINGS} for name in HISTORIES
     }
-
-
-def _program(name: str, *arguments: str) -> dict[str, Any]:
-    """What a program prints, as JSON."""
-    command = [str(BINARIES / name), *arguments]
-    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)

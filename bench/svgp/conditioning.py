@@ -188,8 +188,10 @@ def _gram_in_single(A: Tensor, out: Tensor) -> Tensor:
     return out.copy_(GRAM(A.float(), torch.empty(out.shape)))
 
 
-def _moments_in_single(precision: Tensor, shift: Tensor, weight: float) -> natural.Moments:
-    return MOMENTS(precision.float(), shift.float(), weight)
+def _moments_in_single(
+    precision: Tensor, shift: Tensor, weight: float, dtype: torch.dtype
+) -> natural.Moments:
+    return MOMENTS(precision.float(), shift.float(), weight, dtype)
 
 
 @contextlib.contextmanager
@@ -305,7 +307,7 @@ def _streamed_exactly(case: Case) -> tuple[np.ndarray, np.ndarray]:
         A = L_inverse @ correlation.evaluate(model.Z, part[:, :2], lengthscale)
         precision += (o / noise) * (A * weight) @ A.T
         shift += (math.sqrt(o) / noise) * A @ (weight * (part[:, 2] - reference_m))
-    q = MOMENTS(precision, shift, 1.0)
+    q = MOMENTS(precision, shift, 1.0, double)
     gaussian = Gaussian.from_inverse_root(q.m, q.F)
     posterior = Posterior(model, gaussian, case.kernel, L_inverse)
     mean, variance = posterior.marginals(torch.from_numpy(case.xy).double())
@@ -317,7 +319,7 @@ def _eigenvalues(engine: MapEngine) -> tuple[float, float]:
     with _moments_replaced(mock.Mock(side_effect=torch.linalg.LinAlgError)) as moments:
         with contextlib.suppress(torch.linalg.LinAlgError):
             engine._optimizer.gaussian()
-    precision, _, weight = moments.call_args.args
+    precision, _, weight, _ = moments.call_args.args
     Lambda = precision.double() * weight + torch.eye(len(precision), dtype=torch.float64)
     values = torch.linalg.eigvalsh(Lambda)
     return values[0].item(), values[-1].item()

@@ -26,7 +26,8 @@ REPORT_FIELDS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s real_time_factor "
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
     "ate_rmse_m dr_ate_rmse_m final_error_m dr_final_error_m map_rmse_m map_msll "
-    "consistency_rmse_m grid_rmse_m peak_rss_mb"
+    "consistency_rmse_m grid_rmse_m peak_rss_mb maps_moved bytes_moved prompt_s_median "
+    "resampling_s_median"
 ).split()
 # J is not divisible by B. Tiny maps; every prompt that tells particles apart resamples.
 SMALL = {
@@ -123,6 +124,9 @@ class Surveys(unittest.TestCase):
         report = self.check_run_folder(output)
         self.assertGreater(report["loop_closure_prompts"], 0, output)
         self.assertGreater(report["resamplings"], 0, output)
+        # A status is sent once a second: of these times some are missed, never all.
+        self.assertGreater(report["prompt_s_median"], 0.0)
+        self.assertGreater(report["resampling_s_median"], 0.0)
         self.assertRegex(output, r"replay .* %, ETA \d\d:\d\d")
         self.assertIn("RBPF error: ATE", output)
 
