@@ -20,12 +20,15 @@ bool ProgressLine::isDue() {
 }
 
 void ProgressLine::print(double survey_s, const std::string& what) {
-  const double rate = std::max(survey_s, kInstant_s) / std::max(wall_s(), kInstant_s);
-  const int left_s = static_cast<int>((duration_s_ - survey_s) / rate);
-  const int printed =
-      std::printf("\roffline replay: %5.1f %% of %.0f s, %.1f x real time, ETA %02d:%02d | %s",
-                  100.0 * survey_s / std::max(duration_s_, kInstant_s), duration_s_, rate,
-                  left_s / 60, left_s % 60, what.c_str());
+  const double rate = survey_s / std::max(wall_s(), kInstant_s);
+  char eta[16] = "--:--";
+  if (rate > 0.0) {
+    const int left_s = static_cast<int>((duration_s_ - survey_s) / rate);
+    std::snprintf(eta, sizeof(eta), "%02d:%02d", left_s / 60, left_s % 60);
+  }
+  const int printed = std::printf(
+      "\roffline replay: %5.1f %% of %.0f s, %.1f x real time, ETA %s | %s",
+      100.0 * survey_s / std::max(duration_s_, kInstant_s), duration_s_, rate, eta, what.c_str());
   std::printf("%*s", std::max(0, printed_ - printed), "");  // over the rest of a longer line
   printed_ = printed;
   std::fflush(stdout);

@@ -112,7 +112,7 @@ def test_streaming_maps_take_in_all_beams_of_their_own_particle_once(core):
             node.advance()
             taught_with += core.asked
     assert taught_with == [0, 1, 2] * 6
-    assert factory.teacher.iterations == 17  # once the maps were too far behind
+    assert factory.teacher.iterations == 18
     for j, engine in store.maps().items():
         assert engine.next_beam == 2200
         alone = factory.create()
@@ -122,6 +122,27 @@ def test_streaming_maps_take_in_all_beams_of_their_own_particle_once(core):
             mean, _ = engine.predict(core.log[:50, :2])
             np.testing.assert_allclose(mean, alone.predict(core.log[:50, :2])[0], atol=1e-3)
     assert core.samples == []  # the log is short enough to be taken whole
+
+
+def test_maps_are_up_to_date_before_the_teacher_goes_on(core):
+    store, factory, node = make(StreamTraining, "streaming")
+    core.N = 100
+    node.advance()
+    steps = factory.teacher.iterations
+    core.N, core.particles = 10000, lambda: []  # a turn without rounds
+    node.advance()
+    assert [engine.next_beam for engine in store.maps().values()] == [10000] * 3
+    assert factory.teacher.iterations == steps
+
+
+def test_a_map_that_takes_in_nothing_does_not_hold_up_the_others(core, monkeypatch):
+    store, factory, node = make(StreamTraining, "streaming")
+    core.N = 5000
+    monkeypatch.setattr(store.maps()[1], "take_in", lambda beams: 1 / 0)
+    monkeypatch.setattr(store, "outdated", lambda: [])
+    node.advance()
+    assert [engine.next_beam for engine in store.maps().values()] == [5000, 0, 5000]
+    assert factory.teacher.iterations == 1
 
 
 def test_maps_are_rebuilt_in_turn_and_from_a_sample_of_a_long_log(core):

@@ -115,6 +115,8 @@ class TurnFeed:
         except rospy.ServiceException:  # the connection is lost, at the replay's end for one
             self._proxy = None
         except Exception as error:  # whatever it is: without this thread the replay would stand
+            if rospy.is_shutdown():
+                return None
             rospy.logwarn_throttle(WARNING_PERIOD_S, "no turn: %s", error)
         self._stopped.wait(BACK_OFF_S[0])
         return None

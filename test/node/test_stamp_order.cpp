@@ -1,0 +1,115 @@
+#include <gtest/gtest.h>
+#include <nav_msgs/Odometry.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <std_msgs/String.h>
+
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+
+#include "rbpf_node/stamp_order.hpp"
+
+namespace rbpf_node {
+namespace {
+
+const OfflineTopics kTopics{"/odom", "/pings"};
+
+class StampOrderTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ros::Time::init();  // for throttled messages, without a node
+    writer_.open(path_, rosbag::bagmode::Write);
+  }
+  void TearDown() override { std::remove(path_.c_str()); }
+
+  template <typename Message>
+  void write(const std::string& topic, double received_s, double stamp_s) {
+    Message message;
+    message.header.stamp = ros::Time(stamp_s);
+    writer_.write(topic, ros::Time(received_s), message);
+  }
+
+  std::string errorOfOpening() {
+    try {
+      rosbag::Bag bag;
+      openBag(path_, kTopics, &bag);
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+  const std::string path_ =
+      testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + ".bag";
+  rosbag::Bag writer_;
+};
+
+TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
+  write<nav_msgs::Odometry>("/odom", 10.0, 3.0);
+  write<nav_msgs::Odometry>("/odom", 11.0, 1.0);
+  write<sensor_msgs::PointCloud2>("/pings", 5.0, 3.0);
+  write<sensor_msgs::PointCloud2>("/pings", 6.0, 2.0);
+  writer_.close();
+  rosbag::Bag bag;
+  openBag(path_, kTopics, &bag);
+  const StampOrder order = inStampOrder(bag, kTopics);
+  ASSERT_EQ(order.messages.size(), 4U);
+  EXPECT_EQ(order.unreadable, 0U);
+  const double stamps_s[] = {1.0, 2.0, 3.0, 3.0};
+  const InputKind kinds[] = {InputKind::kOdometry, InputKind::kPing, InputKind::kOdometry,
+                             InputKind::kPing};
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(order.messages[i].stamp.toSec(), stamps_s[i]);
+    EXPECT_EQ(order.messages[i].kind, kinds[i]);
+  }
+  EXPECT_EQ(order.messages[1].instance.getTime().toSec(), 6.0);
+}
+
+TEST_F(StampOrderTest, LeavesOutMessagesWithoutAStamp) {
+  write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
+  write<nav_msgs::Odometry>("/odom", 2.0, 0.0);
+  write<sensor_msgs::PointCloud2>("/pings", 1.0, 1.0);
+  writer_.close();
+  rosbag::Bag bag;
+  openBag(path_, kTopics, &bag);
+  const StampOrder order = inStampOrder(bag, kTopics);
+  EXPECT_EQ(order.messages.size(), 2U);
+  EXPECT_EQ(order.unreadable, 1U);
+}
+
+TEST_F(StampOrderTest, WantsBothTopics) {
+  write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
+  writer_.close();
+  EXPECT_EQ(errorOfOpening(), path_ + " holds no message on /pings");
+}
+
+TEST_F(StampOrderTest, WantsTheRightTypes) {
+  write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
+  writer_.write("/pings", ros::Time(1.0), std_msgs::String());
+  writer_.close();
+  EXPECT_EQ(errorOfOpening(),
+            path_ + " holds std_msgs/String on /pings, expected sensor_msgs/PointCloud2");
+}
+
+TEST_F(StampOrderTest, SaysWhatIsWrongWithABagThatWasCutOff) {
+  write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
+  write<sensor_msgs::PointCloud2>("/pings", 1.0, 1.0);
+  writer_.close();
+  std::ifstream file(path_, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(file)), {});
+  for (const std::size_t kept : {whole.size() / 2, whole.size() - 10, std::size_t{5000}}) {
+    std::ofstream(path_, std::ios::binary) << whole.substr(0, kept);
+    EXPECT_NE(errorOfOpening().find(path_), std::string::npos) << kept << " bytes";
+  }
+}
+
+TEST_F(StampOrderTest, SaysWhatIsWrongWithAFileThatIsNotABag) {
+  writer_.close();
+  std::ofstream(path_) << "not a bag";
+  EXPECT_NE(errorOfOpening().find(path_ + " cannot be read"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace rbpf_node

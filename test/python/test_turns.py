@@ -1,0 +1,112 @@
+"""A node's side of an offline replay's turns, with a replay that is two queues."""
+
+import queue
+
+import numpy as np
+import pytest
+from rospy import rostime
+
+from rbpf_svgp_slam.msg import MapStatus
+from rbpf_svgp_slam.ros import turns
+from rbpf_svgp_slam.ros.core_client import Minibatches
+from rbpf_svgp_slam.ros.turns import TurnFeed, WorkClock
+
+SOON_S = 5.0  # for what is expected to happen: reached only by a bug
+SHORT_S = 0.05  # for what is expected not to happen
+SIZE = 4
+
+
+class Replay:
+    """Grants turns, and answers for minibatches as the core does."""
+
+    def __init__(self):
+        self.states, self.rounds = queue.Queue(), queue.Queue()
+        self.asked, self.fails = [], 0
+
+    def take_turn(self, status):
+        self.states.put(status)
+        return self.rounds.get()
+
+    def ask(self, particles):
+        if self.fails:
+            self.fails -= 1
+            raise OSError("the connection is lost")
+        self.asked.append(particles)
+        return Minibatches(0, 0, False, 100, np.zeros((len(particles), SIZE, 3)))
+
+    def disconnect(self):
+        pass
+
+
+@pytest.fixture
+def replay(monkeypatch):
+    rostime.set_rostime_initialized(True)  # for throttled messages, without a node
+    replay = Replay()
+    monkeypatch.setattr(turns, "MinibatchClient", lambda size, epoch: replay)
+    monkeypatch.setattr(TurnFeed, "_take_turn", lambda self, status: replay.take_turn(status))
+    monkeypatch.setattr(turns, "EMPTY_LOG_PAUSE_S", 0.0)
+    return replay
+
+
+def make_feed(particles=lambda: [0, 1], maps=2):
+    steps = iter(range(100))
+    return TurnFeed(particles, SIZE, lambda: 0, maps, lambda: MapStatus(steps=next(steps)))
+
+
+def test_a_turn_has_a_minibatch_for_each_map_and_round(replay):
+    feed = make_feed()
+    assert feed.take(SHORT_S) is None, "the end of a turn that never was"
+    replay.rounds.put(3)
+    replies = [feed.take(SOON_S) for _ in range(3)]
+    assert [len(reply.beams) for reply in replies] == [2, 2, 2]
+    assert replay.asked == [[0, 1]] * 3
+
+
+def test_a_teacher_gets_as_many_minibatches_as_there_are_maps(replay):
+    feed = make_feed(particles=lambda: [1], maps=3)
+    feed.take(SHORT_S)
+    replay.rounds.put(2)
+    for _ in range(6):
+        assert feed.take(SOON_S) is not None
+    assert feed.take(SHORT_S) is None
+    assert len(replay.asked) == 6
+
+
+def test_the_state_is_told_when_all_is_done_and_nothing_is_asked_for_ahead(replay):
+    feed = make_feed()
+    feed.take(SHORT_S)
+    assert replay.states.get(timeout=SOON_S).steps == 0
+    replay.rounds.put(1)
+    assert feed.take(SOON_S) is not None
+    assert replay.states.empty(), "the node may still work on it"
+    assert feed.take(SHORT_S) is None
+    assert replay.states.get(timeout=SOON_S).steps == 1
+    assert feed.take(SHORT_S) is None, "it is the others' turn"
+    assert len(replay.asked) == 1
+
+
+def test_a_turn_without_rounds_tells_how_long_the_log_is(replay):
+    feed = make_feed()
+    feed.take(SHORT_S)
+    replay.rounds.put(0)
+    reply = feed.take(SOON_S)
+    assert (len(reply.beams), reply.beams_in_log) == (0, 100)
+    assert feed.take(SHORT_S) is None
+    assert replay.asked == [[]]
+
+
+def test_minibatches_that_do_not_come_are_asked_for_again(replay):
+    feed = make_feed()
+    feed.take(SHORT_S)
+    replay.rounds.put(2)
+    replay.fails = 1
+    replies = [feed.take(SOON_S) for _ in range(3)]
+    assert [reply is None for reply in replies] == [True, False, False]
+    assert feed.take(SHORT_S) is None
+
+
+def test_the_work_clock_counts_work_alone():
+    clock = WorkClock()
+    clock.spend(1.0)
+    clock.spend(2.5)
+    assert clock.now() == 3.5
