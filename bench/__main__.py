@@ -24,6 +24,7 @@ SECTIONS = {
     "svgp.conditioning": "bench.svgp.conditioning",
     "svgp.common_random_numbers": "bench.svgp.common_random_numbers",
     "svgp.streaming": "bench.svgp.streaming",
+    "core.two_hosts": "bench.core.two_hosts",
 }
 
 
