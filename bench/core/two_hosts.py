@@ -92,7 +92,7 @@ def _measure(status: Status, link: Link, bag: Path) -> dict[str, Any]:
             rates[delay_s].append(figures)
     link.set_delay(0.0)
     figures = {}
-    for delay_s, name in ((0.0, "no_delay"), (DELAY_S, f"{1e3 * DELAY_S:.0f}ms_delay")):
+    for delay_s, name in ((0.0, "no_delay"), (DELAY_S, "20ms_delay")):
         for quantity in ("steps_per_s", "bytes_per_s"):
             figures[f"{quantity}_{name}"] = mean(one[quantity] for one in rates[delay_s])
     figures["ratio"] = figures["steps_per_s_20ms_delay"] / figures["steps_per_s_no_delay"]
