@@ -30,6 +30,7 @@ SECTIONS = {
     "core.prompts": "bench.core.prompts",
     "core.offline": "bench.core.offline",
     "core.scaling": "bench.core.scaling",
+    "core.two_hosts": "bench.core.two_hosts",
 }
 
 

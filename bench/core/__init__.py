@@ -1,0 +1,1 @@
+"""The core and what it serves its map nodes with."""

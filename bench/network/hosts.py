@@ -34,8 +34,8 @@ class Host:
     def command(self, *words: str | Path) -> list[str]:
         """A command's words, for a process on this host; to be used with `environment`.
 
-        The process is interrupted when its parent ends, so that a test that is killed leaves nothing
-        behind.
+        The process is interrupted when its parent ends, so that a test that is killed leaves
+        nothing behind.
         """
         prefix = ["setpriv", "--pdeathsig", "INT", "nsenter", f"--net={self.namespace}"]
         return [*prefix, *map(str, words)]

@@ -1,8 +1,8 @@
 """A link between two network namespaces of its own; a process, started by bench.network.hosts.
 
 It holds a TUN device in either namespace and hands each packet from one to the other after a delay:
-tc's netem, which would do that, is not in every kernel. It reads delays, s, from its standard input, a
-line each, and ends with it; namespaces without a name end with the last process in them.
+tc's netem, which would do that, is not in every kernel. It reads delays, s, from its standard
+input, a line each, and ends with it; namespaces without a name end with the last process in them.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def run(out: Path) -> dict[str, Any]:
 def _measure(optimizer: str, bag: Path, out: Path) -> dict[str, Any]:
     """Start core and nodes, fill the log, count the nodes' steps."""
     config = bag.with_name(f"{optimizer}.yaml")
-    config.write_text(yaml.safe_dump(_overlay(optimizer)))
+    config.write_text(yaml.safe_dump(overlay(optimizer, PARTICLES)))
     survey = bag.with_suffix(".survey.yaml")
     launch = ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch"]
     launch += [f"config:={config}", f"survey:={survey}"]
@@ -51,17 +51,17 @@ def _measure(optimizer: str, bag: Path, out: Path) -> dict[str, Any]:
         subprocess.run(play + ["/tf_static"], check=True, stdout=subprocess.DEVNULL)
         wait_until(lambda: status.core.beams >= SMALLEST_LOG, f"{SMALLEST_LOG} beams in the log")
         time.sleep(SETTLE_S)
-        before = _Snapshot(status)
+        before = Snapshot(status)
         time.sleep(MEASURE_S)
-        figures = _figures(before, _Snapshot(status))
+        figures = training_figures(before, Snapshot(status))
         status.close()
     return figures
 
 
-def _overlay(optimizer: str) -> dict[str, Any]:
+def overlay(optimizer: str, particles: int) -> dict[str, Any]:
     """Nothing but training: no loop closing, no pictures, every beam drawn from at once."""
     return {
-        "particles": PARTICLES,
+        "particles": particles,
         "nodes": NODES,
         "mapping": {"hold_back_s": 0.0},
         "map": {"threads": 1, "publish_period_s": 0.0},
@@ -97,7 +97,7 @@ class Status:
         self.nodes[message.node] = message
 
 
-class _Snapshot:
+class Snapshot:
     """Counters at one moment."""
 
     def __init__(self, status: Status) -> None:
@@ -107,7 +107,7 @@ class _Snapshot:
         self.beams = status.core.beams
 
 
-def _figures(before: _Snapshot, now: _Snapshot) -> dict[str, Any]:
+def training_figures(before: Snapshot, now: Snapshot) -> dict[str, Any]:
     """Rates between two moments; steps per second by the status messages' own stamps."""
     rates = {}
     for name, first in before.nodes.items():
@@ -122,7 +122,7 @@ def _figures(before: _Snapshot, now: _Snapshot) -> dict[str, Any]:
         "cpu_share": {
             name: (now.cpu_s[name] - used_s) / elapsed_s for name, used_s in before.cpu_s.items()
         },
-        "maps": PARTICLES,
+        "maps": sum(len(status.particles) for status in now.nodes.values()),
         "beams_in_log": now.beams,
         "skipped_steps": sum(status.skipped_steps for status in now.nodes.values()),
     }

@@ -30,7 +30,8 @@ int main(int argc, char** argv) {
     const auto pings =
         input.subscribe("mbes/pings", kInputQueue, &rbpf_node::SlamNode::handlePing, &slam);
     slam.maps().listen();
-    spinning.start(params.nodes + 1);  // one more for whoever exports the survey
+    // a map node asks for minibatches and for blocks of beams; one more for who exports the survey
+    spinning.start(2 * params.nodes + 1);
     while (ros::ok()) {
       slam.loopClosureLoop().promptIfDue();
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -15,7 +15,6 @@ namespace rbpf_node {
 namespace {
 
 constexpr auto kPatience = std::chrono::seconds(5);  // with a turn, before it is spoken of
-constexpr double kWarningPeriod_s = 10.0;
 
 std::string namesOf(const std::vector<std::uint32_t>& nodes) {
   std::string names;
@@ -109,9 +108,8 @@ void OfflineReplay::trainUpTo(double survey_s) {
 void OfflineReplay::awaitNodes(double survey_s) {
   const auto start = std::chrono::steady_clock::now();
   const bool all_came = turns_.awaitAll([&](const std::vector<std::uint32_t>& busy) {
-    progress_.update(survey_s, [this] { return counts(); });
-    if (std::chrono::steady_clock::now() - start < kPatience) return;
-    ROS_WARN_THROTTLE(kWarningPeriod_s, "Waiting for %s.", namesOf(busy).c_str());
+    const bool patient = std::chrono::steady_clock::now() - start < kPatience;
+    progress_.update(survey_s, [&] { return patient ? counts() : "waiting for " + namesOf(busy); });
   });
   if (!all_came) throw std::runtime_error("interrupted");
   slam_.maps().takeStates(turns_.states());

@@ -7,30 +7,35 @@ namespace rbpf_node {
 
 namespace {
 
-constexpr double kPrintPeriod_s = 1.0;
+constexpr auto kPrintPeriod = std::chrono::seconds(1);
 constexpr double kInstant_s = 1e-3;  // in place of a time of zero, to divide by
 
 }  // namespace
 
 bool ProgressLine::isDue() {
-  const double now_s = wall_s();
-  if (now_s < next_print_s_) return false;
-  next_print_s_ = now_s + kPrintPeriod_s;
+  const auto now = Clock::now();
+  if (now < next_print_) return false;
+  next_print_ = now + kPrintPeriod;
   return true;
 }
 
-void ProgressLine::print(double survey_s, const std::string& what) {
+std::string ProgressLine::progress(double survey_s) const {
   const double rate = survey_s / std::max(wall_s(), kInstant_s);
   char eta[16] = "--:--";
   if (rate > 0.0) {
     const int left_s = static_cast<int>((duration_s_ - survey_s) / rate);
     std::snprintf(eta, sizeof(eta), "%02d:%02d", left_s / 60, left_s % 60);
   }
-  const int printed = std::printf(
-      "\roffline replay: %5.1f %% of %.0f s, %.1f x real time, ETA %s | %s",
-      100.0 * survey_s / std::max(duration_s_, kInstant_s), duration_s_, rate, eta, what.c_str());
-  std::printf("%*s", std::max(0, printed_ - printed), "");  // over the rest of a longer line
-  printed_ = printed;
+  char text[128];
+  std::snprintf(text, sizeof(text), "%5.1f %% of %.0f s, %.1f x real time, ETA %s | ",
+                100.0 * survey_s / duration_s_, duration_s_, rate, eta);
+  return text;
+}
+
+void ProgressLine::print(double survey_s, const std::string& what) {
+  const std::string line = (duration_s_ > 0.0 ? progress(survey_s) : "") + what;
+  std::printf("\roffline replay: %-*s", static_cast<int>(printed_), line.c_str());
+  printed_ = line.size();
   std::fflush(stdout);
 }
 

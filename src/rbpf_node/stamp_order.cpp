@@ -51,11 +51,9 @@ void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, S
 void openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
   try {
     bag->open(path, rosbag::bagmode::Read);
-  } catch (const rosbag::BagUnindexedException&) {
-    throw std::runtime_error(path +
-                             " has no index: its recording was cut off. rosbag reindex mends it");
   } catch (const rosbag::BagException& error) {
-    throw std::runtime_error(path + " cannot be read: " + error.what());
+    throw std::runtime_error(path + " cannot be read: " + error.what() +
+                             ". If its recording was cut off, rosbag reindex may mend it");
   }
   expectTopic<nav_msgs::Odometry>(*bag, topics.odometry);
   expectTopic<sensor_msgs::PointCloud2>(*bag, topics.pings);

@@ -10,7 +10,6 @@ import yaml
 from rbpf_svgp_slam.polygon import survey_origin
 from rbpf_svgp_slam.maps import make_factory
 from rbpf_svgp_slam.ros.map_store import share
-from rbpf_svgp_slam.ros.node_group import share_of_host
 from rbpf_svgp_slam.ros.parameters import ParameterError, validate, validate_index
 from rbpf_svgp_slam.ros.survey_grid import survey_grid
 
@@ -116,26 +115,3 @@ def test_shares_cover_all_particles_and_differ_by_at_most_one(particles, nodes):
 
 def test_five_particles_on_two_nodes():
     assert [share(5, 2, 0), share(5, 2, 1)] == [range(0, 3), range(3, 5)]
-
-
-def test_a_host_starts_all_nodes_or_some():
-    assert share_of_host("0", "all", 3) == range(0, 3)
-    assert share_of_host("0", "1", 3) == range(0, 1)
-    assert share_of_host("1", "all", 3) == range(1, 3)
-    assert share_of_host("2", "1", 3) == range(2, 3)
-
-
-@pytest.mark.parametrize(
-    "first, count, message",
-    [
-        ("3", "all", "first is 3; expected an integer in 0 .. 2: rbpf_svgp_slam/nodes is 3"),
-        ("-1", "all", "first is -1; expected an integer in 0 .. 2"),
-        ("one", "all", "first is one; expected an integer in 0 .. 2"),
-        ("0", "0", "count is 0; expected all or an integer in 1 .. 3"),
-        ("2", "2", "count is 2; expected all or an integer in 1 .. 1: .* first is 2"),
-        ("0", "true", "count is true; expected all or an integer in 1 .. 3"),
-    ],
-)
-def test_a_share_of_nodes_that_does_not_exist_is_refused(first, count, message):
-    with pytest.raises(ParameterError, match=message):
-        share_of_host(first, count, 3)

@@ -1,5 +1,6 @@
 """The training of a node's maps, with a core that is a log and an epoch."""
 
+from concurrent.futures import Future
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ from rospy import rostime
 
 from rbpf_svgp_slam.maps import make_factory
 from rbpf_svgp_slam.ros import training
+from rbpf_svgp_slam.ros.background import AtOnce, carry_out
 from rbpf_svgp_slam.ros.core_client import Beams, Minibatches
 from rbpf_svgp_slam.ros.map_store import MapStore
 from rbpf_svgp_slam.ros.training import MinibatchTraining, StreamTraining
@@ -71,6 +73,7 @@ def core(monkeypatch):
     monkeypatch.setattr(training, "BeamReader", lambda: core)
     monkeypatch.setattr(training, "REBUILD_SHARE", 1.0)  # no pauses
     monkeypatch.setattr(training, "READ_PERIOD_S", 0.0)
+    monkeypatch.setattr(training, "Background", lambda name: AtOnce())
     return core
 
 
@@ -200,3 +203,52 @@ def test_a_copy_goes_on_where_its_ancestor_was(core):
     for _ in range(3):
         node.advance()
     assert [engine.next_beam for engine in store.maps().values()] == [1500] * 3
+
+
+class Later:
+    """In place of a Background: results come when they are told to."""
+
+    def __init__(self):
+        self.calls = []
+
+    def submit(self, call, *arguments):
+        self.calls.append((Future(), call, arguments))
+        return self.calls[-1][0]
+
+    def answer(self):
+        while self.calls:
+            carry_out(*self.calls.pop(0))
+
+
+def test_the_teacher_goes_on_while_beams_are_on_their_way(core, monkeypatch):
+    later = Later()
+    monkeypatch.setattr(training, "Background", lambda name: later)
+    store, factory, node = make(StreamTraining, "streaming")
+    core.N = 1000
+    for _ in range(5):
+        node.advance()
+    assert factory.teacher.iterations == 5
+    assert {engine.next_beam for engine in store.maps().values()} == {0}
+    while later.calls:
+        later.answer()
+        node.advance()
+    assert {engine.next_beam for engine in store.maps().values()} == {1000}
+    assert core.reads[0] == [0, 1, 2]
+
+
+def test_beams_that_a_resampling_overtakes_are_asked_for_again(core, monkeypatch):
+    later = Later()
+    monkeypatch.setattr(training, "Background", lambda name: later)
+    store, _, node = make(StreamTraining, "streaming")
+    core.N = 1000
+    node.advance()
+    later.answer()  # placed under epoch 0
+    store.prepare(1, [0, 0, 2], lambda epoch, wanted: {}, 1.0)
+    store.commit(1)
+    core.epoch = 1
+    node.advance()
+    assert {engine.next_beam for engine in store.maps().values()} == {0}
+    for _ in range(3):
+        node.advance()
+        later.answer()
+    assert {engine.next_beam for engine in store.maps().values()} == {1000}

@@ -43,18 +43,21 @@ def replay(monkeypatch):
     rostime.set_rostime_initialized(True)  # for throttled messages, without a node
     replay = Replay()
     monkeypatch.setattr(turns, "MinibatchClient", lambda size, epoch: replay)
-    monkeypatch.setattr(TurnFeed, "_take_turn", lambda self, status: replay.take_turn(status))
     monkeypatch.setattr(turns, "EMPTY_LOG_PAUSE_S", 0.0)
     return replay
 
 
-def make_feed(particles=lambda: [0, 1], maps=2):
+def make_feed(replay, particles=lambda: [0, 1], maps=2):
+    class Feed(TurnFeed):
+        def _take_turn(self, status):
+            return replay.take_turn(status)
+
     steps = iter(range(100))
-    return TurnFeed(particles, SIZE, lambda: 0, maps, lambda: MapStatus(steps=next(steps)))
+    return Feed(particles, SIZE, lambda: 0, maps, lambda: MapStatus(steps=next(steps)))
 
 
 def test_a_turn_has_a_minibatch_for_each_map_and_round(replay):
-    feed = make_feed()
+    feed = make_feed(replay)
     assert feed.take(SHORT_S) is None, "the end of a turn that never was"
     replay.rounds.put(3)
     replies = [feed.take(SOON_S) for _ in range(3)]
@@ -63,7 +66,7 @@ def test_a_turn_has_a_minibatch_for_each_map_and_round(replay):
 
 
 def test_a_teacher_gets_as_many_minibatches_as_there_are_maps(replay):
-    feed = make_feed(particles=lambda: [1], maps=3)
+    feed = make_feed(replay, particles=lambda: [1], maps=3)
     feed.take(SHORT_S)
     replay.rounds.put(2)
     for _ in range(6):
@@ -73,7 +76,7 @@ def test_a_teacher_gets_as_many_minibatches_as_there_are_maps(replay):
 
 
 def test_the_state_is_told_when_all_is_done_and_nothing_is_asked_for_ahead(replay):
-    feed = make_feed()
+    feed = make_feed(replay)
     feed.take(SHORT_S)
     assert replay.states.get(timeout=SOON_S).steps == 0
     replay.rounds.put(1)
@@ -86,7 +89,7 @@ def test_the_state_is_told_when_all_is_done_and_nothing_is_asked_for_ahead(repla
 
 
 def test_a_turn_without_rounds_tells_how_long_the_log_is(replay):
-    feed = make_feed()
+    feed = make_feed(replay)
     feed.take(SHORT_S)
     replay.rounds.put(0)
     reply = feed.take(SOON_S)
@@ -96,7 +99,7 @@ def test_a_turn_without_rounds_tells_how_long_the_log_is(replay):
 
 
 def test_minibatches_that_do_not_come_are_asked_for_again(replay):
-    feed = make_feed()
+    feed = make_feed(replay)
     feed.take(SHORT_S)
     replay.rounds.put(2)
     replay.fails = 1

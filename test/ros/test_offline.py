@@ -3,6 +3,7 @@
 
 import json
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -109,6 +110,8 @@ class OfflineTest(unittest.TestCase):
         report = json.loads((out / "report.json").read_text())
         self.assertGreater(report["resamplings"], 5)
         self.assertEqual(report["pings_dropped"], 0)
+        totals = re.search(r"s of survey in ([\d.]+) s, [\d.]+ x real time", log.read_text())
+        self.assertAlmostEqual(report["wall_s"], float(totals.group(1)), delta=0.01)  # as printed
         self.assertGreater(min(map(len, maps.values())), 1000)
         return [(out / file).read_bytes() for file in ("trajectory.tum", "map.npz")] + [maps]
 

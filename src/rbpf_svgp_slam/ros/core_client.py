@@ -6,7 +6,8 @@ Under an offline replay minibatches are not asked for ahead, but in turns: see t
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 from typing import Callable, Sequence
 
 import numpy as np
@@ -22,6 +23,8 @@ EMPTY_LOG_PAUSE_S = 0.25
 # Between two attempts to reach a core that is not there: doubled from the first to the second.
 BACK_OFF_S = (0.2, 2.0)
 WARNING_PERIOD_S = 30.0
+# Of a question for several rounds: at 1000 beams a map some 80 minibatches, a second of training.
+LARGEST_REPLY_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -72,15 +75,22 @@ class MinibatchClient:
 
 
 class MinibatchFeed:
-    """A thread that keeps exactly one reply ready, so that training never waits for the network."""
+    """A thread that keeps a reply ready, so that training need not wait for the network.
+
+    A reply holds some rounds, of a minibatch for each map: twice as many as before whenever
+    training has used up one before the next was there.
+    """
 
     def __init__(
         self, particles: Callable[[], Sequence[int]], size: int, epoch: Callable[[], int]
     ) -> None:
-        """particles: called for each question, for whom to ask; epoch: the node's own."""
+        """particles: called for each round, for whom to ask; epoch: the node's own."""
         self._particles = particles
         self._client = MinibatchClient(size, epoch)
-        self._ready: Minibatches | None = None
+        self._rounds_per_reply = 1
+        self._in_use: deque[Minibatches] = deque()  # rounds
+        self._ready: list[Minibatches] = []  # rounds of the next reply
+        self._steady = False  # training goes from one reply to the next
         self._tickets = 0  # rises when replies to earlier questions are not wanted any more
         self._changed = threading.Condition()
         self._stopped = threading.Event()
@@ -88,19 +98,38 @@ class MinibatchFeed:
         self._thread.start()
 
     def take(self, timeout_s: float) -> Minibatches | None:
-        """The reply that is ready, or the next one; none if there is none within the timeout."""
+        """The next round; none if there is none within the timeout."""
         with self._changed:
-            self._changed.wait_for(lambda: self._ready is not None, timeout_s)
-            reply, self._ready = self._ready, None
-            self._changed.notify_all()
-            return reply
+            if not self._in_use and not self._next_reply(timeout_s):
+                return None
+            return self._in_use.popleft()
 
     def refresh(self) -> None:
         """Let the next reply be one to a question asked from now on."""
         with self._changed:
             self._tickets += 1
-            self._ready = None
+            self._in_use.clear()
+            self._ready = []
+            self._steady = False
             self._changed.notify_all()
+
+    def _next_reply(self, timeout_s: float) -> bool:
+        late = self._steady and not self._ready
+        self._changed.wait_for(lambda: self._ready, timeout_s)
+        if not self._ready:
+            return False
+        if late:
+            self._ask_for_more(self._ready[0].beams.nbytes)
+        self._in_use.extend(self._ready)
+        self._ready, self._steady = [], True
+        self._changed.notify_all()
+        return True
+
+    def _ask_for_more(self, round_bytes: int) -> None:
+        rounds = 2 * self._rounds_per_reply
+        if rounds * round_bytes <= LARGEST_REPLY_BYTES:
+            self._rounds_per_reply = rounds
+            rospy.logdebug("minibatches came late: from now on %d rounds at once", rounds)
 
     def stop(self) -> None:
         """End the thread, unless it is stuck in a call."""
@@ -114,11 +143,11 @@ class MinibatchFeed:
         while self._wait_for_demand():
             ticket = self._tickets
             try:
-                reply = self._client.ask(list(self._particles()))
+                rounds = self._ask()
                 back_off_s = BACK_OFF_S[0]
             except BadRequest as error:
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "minibatches refused: %s", error)
-                reply = None
+                rounds = []
             except Exception as error:  # whatever it is: without this thread training would end
                 self._client.disconnect()
                 if self._stopped.is_set() or rospy.is_shutdown():
@@ -127,18 +156,26 @@ class MinibatchFeed:
                 self._stopped.wait(back_off_s)
                 back_off_s = min(2 * back_off_s, BACK_OFF_S[1])
                 continue
-            if reply is None:
+            if not rounds:
                 self._stopped.wait(EMPTY_LOG_PAUSE_S)
                 continue
             with self._changed:
                 if ticket == self._tickets:
-                    self._ready = reply
+                    self._ready = rounds
                     self._changed.notify_all()
 
     def _wait_for_demand(self) -> bool:
         with self._changed:
-            self._changed.wait_for(lambda: self._ready is None or self._stopped.is_set())
+            self._changed.wait_for(lambda: not self._ready or self._stopped.is_set())
         return not self._stopped.is_set()
+
+    def _ask(self) -> list[Minibatches]:
+        """A reply by rounds; empty while the core has no minibatches to give."""
+        rounds = [list(self._particles()) for _ in range(self._rounds_per_reply)]
+        reply = self._client.ask([particle for one in rounds for particle in one])
+        if reply is None:
+            return []
+        return [replace(reply, beams=beams) for beams in np.split(reply.beams, len(rounds))]
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import signal
 import socket
 import subprocess
@@ -10,14 +11,14 @@ import sys
 import time
 import xmlrpc.client
 from pathlib import Path
-from typing import Collection, Sequence
+from typing import Collection, Mapping, Sequence
 
 import rosgraph
 
 from rbpf_svgp_slam.ros.map_node_start import load_parameters
 from rbpf_svgp_slam.ros.parameters import GROUP, ParameterError
 
-POLL_S = 0.2
+POLL_S = 0.5
 PATIENCE_S = 5.0  # for a node to end after SIGINT, before it is killed
 CORE = "rbpf_core"
 NOTICE_S = 3.0  # of waiting for the core, after which we say so
@@ -38,10 +39,7 @@ def start_map_nodes(arguments: Sequence[str]) -> int | str:
         indices = share_of_host(options.first, options.count, load_parameters().nodes)
         _check_not_running(indices)
         children.update((index, subprocess.Popen(_command(index))) for index in indices)
-        while all(child.poll() is None for child in children.values()):
-            time.sleep(POLL_S)
-        index = next(k for k, child in children.items() if child.poll() is not None)
-        return f"svgp_nodes: svgp_node_{index} ended with exit status {children[index].poll()}"
+        return f"svgp_nodes: {_watch(children)}"
     except ParameterError as error:
         return f"svgp_nodes: {error}"
     except KeyboardInterrupt:
@@ -83,6 +81,33 @@ def _wait_for_core() -> None:
             print(f"svgp_nodes: waiting for {CORE} at ROS master {uri}", flush=True)
             notice_at_s = float("inf")
         time.sleep(POLL_S)
+
+
+def _watch(children: Mapping[int, subprocess.Popen]) -> str:
+    """Waits until a node ends or is of no use any more; says which and why.
+
+    A master that has been started again, with another core, does not know the nodes: that core
+    would feed them and never find them.
+    """
+    registered: set[int] = set()
+    for index in itertools.cycle(children):
+        time.sleep(POLL_S)
+        child = children[index]
+        try:
+            uri = _uri_of(f"svgp_node_{index}") if child.poll() is None else None
+        except ParameterError:  # the master, or the link to it, may come back
+            continue
+        if uri is not None:
+            registered.add(index)
+        elif index in registered or child.poll() is not None:
+            break
+    try:
+        # A node that ends says so to the master first.
+        status = child.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        uri = rosgraph.get_master_uri()
+        return f"ROS master {uri} was started again, and does not know svgp_node_{index}"
+    return f"svgp_node_{index} ended with exit status {status}"
 
 
 def _check_not_running(indices: range) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
+from concurrent.futures import Future
+from dataclasses import replace
 from typing import Callable, Sequence
 
 import rospy
 
 from rbpf_svgp_slam.maps import MapFactory
+from rbpf_svgp_slam.ros.background import AtOnce, Background
 from rbpf_svgp_slam.ros.core_client import BeamReader, Beams, MinibatchFeed, Minibatches
 from rbpf_svgp_slam.ros.map_store import RETRY_S, MapStore
 from rbpf_svgp_slam.ros.turns import EndTurn, TurnFeed, WallClock, WorkClock
@@ -93,7 +96,10 @@ class Training(ABC):
         epoch = self._store.epoch
         if reply.epoch == epoch:
             return True
-        if reply.asked_epoch != epoch or reply.resampling or self._store.frozen:
+        if reply.asked_epoch != epoch:
+            self._feed.refresh()  # what is ready behind it has been asked for before, too
+            return False
+        if reply.resampling or self._store.frozen:
             return False
         if self._store.steps == 0:
             rospy.loginfo("joining at epoch %d, with new maps", reply.epoch)
@@ -151,6 +157,11 @@ class StreamTraining(Training):
         self._rebuild_beams = factory.rebuild_beams
         # What rebuilding has its share of: the time itself if live, else the work done.
         self._clock = WallClock() if end_turn is None else WorkClock()
+        # The teacher goes on while beams are on their way; in turns everything has its order.
+        self._reads = Background("beams") if end_turn is None else AtOnce()
+        self._blocks: Future | None = None  # next beams of the log, on their way
+        self._asked_for: dict[int, int] = {}  # first of them, by particle
+        self._sample: Future | None = None  # of the log, for a rebuild, on its way
         self._read_period = READ_PERIOD_S if end_turn is None else 0.0
         self._next_read = 0.0  # by the clock, as the next
         self._next_rebuild = 0.0
@@ -158,7 +169,7 @@ class StreamTraining(Training):
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
-        if self._clock.now() >= self._next_read and not self._catch_up(epoch, N):
+        if not self._catch_up(epoch, N):
             return
         for beams in minibatches.beams:
             self._clock.spend(1.0)
@@ -169,21 +180,37 @@ class StreamTraining(Training):
             self._rebuild_one(epoch, N)
 
     def _catch_up(self, epoch: int, N: int) -> bool:
-        """The log's first N beams into every map; false: the core or its epoch has gone."""
-        behind, before = self._store.behind(N), {}
-        while behind and behind != before:  # maps that take in nothing must not hold up the others
-            if not self._take_in_blocks(behind, epoch):
+        """The log's first N beams into every map, as far as they have come.
+
+        false: the core or its epoch has gone.
+        """
+        while self._blocks is not None or self._clock.now() >= self._next_read:
+            if self._blocks is None and not self._ask_for_blocks(N):
+                self._next_read = self._clock.now() + self._read_period
+                return True
+            if not self._blocks.done():
+                return True
+            blocks, self._blocks = self._blocks, None
+            if not self._take_in_blocks(blocks.result(), epoch):
+                self._asked_for = {}
                 return False
-            behind, before = self._store.behind(N), behind
-        self._next_read = self._clock.now() + self._read_period
         return True
 
-    def _take_in_blocks(self, behind: dict[int, int], epoch: int) -> bool:
-        """The next block of beams into every map that is behind; false as above."""
-        reply = self._core.read(list(behind), list(behind.values()), BLOCK_BEAMS)
+    def _ask_for_blocks(self, N: int) -> bool:
+        """The next block of beams for every map that is behind; false: there is nothing to do."""
+        behind, before = self._store.behind(N), self._asked_for
+        # Maps that take in nothing must not hold up the others.
+        self._asked_for = {} if behind == before else behind
+        if self._asked_for:
+            first = list(behind.values())
+            self._blocks = self._reads.submit(self._core.read, list(behind), first, BLOCK_BEAMS)
+        return bool(self._asked_for)
+
+    def _take_in_blocks(self, reply: Beams | None, epoch: int) -> bool:
+        """Every map's block of beams into it; false as above."""
         if reply is None or reply.epoch != epoch:
             return False
-        for (particle, first), beams in zip(behind.items(), reply.beams):
+        for (particle, first), beams in zip(self._asked_for.items(), reply.beams):
             self._clock.spend(1.0)
             if not self._attempt(
                 f"taking in beams of particle {particle}",
@@ -194,29 +221,35 @@ class StreamTraining(Training):
 
     def _rebuild_one(self, epoch: int, N: int) -> None:
         """One map anew, if the teacher has moved on, and enough has been done since the last."""
+        if self._sample is None:
+            outdated = self._store.outdated() if self._clock.now() >= self._next_rebuild else []
+            if not outdated:
+                return
+            # In turn, so that each gets its own.
+            self._last_rebuilt = min(outdated, key=lambda p: (p <= self._last_rebuilt, p))
+            self._sample = self._reads.submit(self._read_sample, self._last_rebuilt, N)
+        if not self._sample.done():
+            return
+        future, self._sample = self._sample, None
+        sample = future.result()
+        if sample is not None and sample.epoch == epoch:
+            self._rebuild(self._last_rebuilt, sample)
+
+    def _rebuild(self, particle: int, sample: Beams) -> None:
+        """A map from all beams of the log, or from as many as a rebuild wants of them."""
         start = self._clock.now()
-        outdated = self._store.outdated() if start >= self._next_rebuild else []
-        if not outdated:
-            return
-        # In turn, so that each gets its own.
-        particle = min(outdated, key=lambda p: (p <= self._last_rebuilt, p))
-        self._last_rebuilt = particle
-        sample = self._sample(particle, N)
-        if sample is None or sample.epoch != epoch:
-            return
         beams = sample.beams[0]
-        whole = N <= self._rebuild_beams
-        represented = len(beams) if whole else sample.beams_in_log
         self._clock.spend(1.0 + len(beams) / BLOCK_BEAMS)
         self._attempt(
             f"rebuilding the map of particle {particle}",
-            lambda: self._store.rebuild(particle, epoch, beams, represented),
+            lambda: self._store.rebuild(particle, sample.epoch, beams, sample.beams_in_log),
         )
         pause = (self._clock.now() - start) * (1.0 / REBUILD_SHARE - 1.0)
         self._next_rebuild = self._clock.now() + pause
 
-    def _sample(self, particle: int, N: int) -> Beams | None:
-        """All beams of the log, or as many as a rebuild wants of them."""
-        if N <= self._rebuild_beams:
-            return self._core.read([particle], [0], N)
-        return self._core.sample(particle, self._rebuild_beams)
+    def _read_sample(self, particle: int, N: int) -> Beams | None:
+        """Beams that stand for the log as it was then."""
+        if N > self._rebuild_beams:
+            return self._core.sample(particle, self._rebuild_beams)
+        whole = self._core.read([particle], [0], N)
+        return None if whole is None else replace(whole, beams_in_log=len(whole.beams[0]))

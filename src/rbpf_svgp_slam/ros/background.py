@@ -1,0 +1,48 @@
+"""Calls that take their time, while something else is done."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from concurrent.futures import Future
+from typing import Any, Callable
+
+
+class Background:
+    """One call after the other, on a thread of its own.
+
+    As an executor of concurrent.futures, but for the end: that waits for the call under way, which
+    a host that has gone may never answer.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._calls: queue.SimpleQueue[tuple[Future, Callable, tuple]] = queue.SimpleQueue()
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    def submit(self, call: Callable, *arguments: Any) -> Future:
+        """The call's result, in time."""
+        future: Future = Future()
+        self._calls.put((future, call, arguments))
+        return future
+
+    def _run(self) -> None:
+        while True:
+            carry_out(*self._calls.get())
+
+
+class AtOnce:
+    """In place of a Background: the result is there when `submit` returns."""
+
+    def submit(self, call: Callable, *arguments: Any) -> Future:
+        """The call's result."""
+        future: Future = Future()
+        carry_out(future, call, arguments)
+        return future
+
+
+def carry_out(future: Future, call: Callable, arguments: tuple) -> None:
+    """A call's result or exception into its future."""
+    try:
+        future.set_result(call(*arguments))
+    except Exception as error:  # whatever it is, the one who waits must hear of it
+        future.set_exception(error)
