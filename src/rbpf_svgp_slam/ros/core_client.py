@@ -113,6 +113,13 @@ class MinibatchFeed:
             self._steady = False
             self._changed.notify_all()
 
+    def stop(self) -> None:
+        """End the thread, unless it is stuck in a call."""
+        self._stopped.set()
+        with self._changed:
+            self._changed.notify_all()
+        self._thread.join(timeout=0.5)
+
     def _next_reply(self, timeout_s: float) -> bool:
         late = self._steady and not self._ready
         self._changed.wait_for(lambda: self._ready, timeout_s)
@@ -130,13 +137,6 @@ class MinibatchFeed:
         if rounds * round_bytes <= LARGEST_REPLY_BYTES:
             self._rounds_per_reply = rounds
             rospy.logdebug("minibatches came late: from now on %d rounds at once", rounds)
-
-    def stop(self) -> None:
-        """End the thread, unless it is stuck in a call."""
-        self._stopped.set()
-        with self._changed:
-            self._changed.notify_all()
-        self._thread.join(timeout=0.5)
 
     def _run(self) -> None:
         back_off_s = BACK_OFF_S[0]
