@@ -44,9 +44,13 @@ class FilterSession:
         """One resampling that replaces half of the particles."""
         return self._command("resample")
 
-    def iterations(self) -> list[int]:
-        """Of all maps."""
-        return [count for status in self._statuses.values() for count in status.iterations]
+    def steps_per_map(self) -> float:
+        """Training steps so far, of the node that has done fewest."""
+        return min(
+            status.steps / len(status.particles)
+            for status in self._statuses.values()
+            if status.particles  # B may exceed J
+        )
 
     def steps_per_s(self, seconds: float) -> float:
         """Training steps of all nodes together, by the stamps of their own messages."""

@@ -13,7 +13,7 @@ PARTICLES, NODES = 100, 2
 #: The default, and the paper's; maps of natgrad are like Adam's.
 OPTIMIZERS = ("streaming", "adam")
 BEAMS = 100_000
-STEPS = 20  # of every map before it is asked for anything
+STEPS = 20  # of a map, before it is asked for anything
 REPEATS = 7
 PATIENCE_S = 300.0
 
@@ -33,7 +33,7 @@ def run(out: Path) -> dict[str, Any]:
 def _measure(optimizer: str, out: Path) -> dict[str, Any]:
     with filter_session(PARTICLES, NODES, optimizer, out / f"prompts_{optimizer}.log") as session:
         session.grow(BEAMS)
-        wait_until(lambda: min(session.iterations()) >= STEPS, "the maps' training", PATIENCE_S)
+        wait_until(lambda: session.steps_per_map() >= STEPS, "the maps' training", PATIENCE_S)
         training = session.steps_per_s(5.0)
         prompts = [session.prompt() for _ in range(REPEATS)]
         resamplings = [session.resample() for _ in range(REPEATS)]

@@ -37,8 +37,7 @@ def _rows(particles: int, nodes: int, out: Path) -> list[dict[str, Any]]:
         rows = []
         for beams in BEAMS:
             session.grow(beams)
-            # no map may be as it was made, where its node has any (B may exceed J)
-            wait_until(lambda: min(session.iterations()) > 0, "the maps' training", PATIENCE_S)
+            wait_until(lambda: session.steps_per_map() >= 1, "the maps' training", PATIENCE_S)
             row = {"particles": particles, "nodes": nodes, "beams": beams}
             rows.append(row | _measure(session))
         return rows
