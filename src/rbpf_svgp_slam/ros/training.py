@@ -211,7 +211,7 @@ class StreamTraining(Training):
         if reply is None or reply.epoch != epoch:
             return False
         for (particle, first), beams in zip(self._asked_for.items(), reply.beams):
-            self._clock.spend(1.0)
+            self._clock.spend(len(beams) / BLOCK_BEAMS)
             if not self._attempt(
                 f"taking in beams of particle {particle}",
                 lambda: self._store.take_in(particle, epoch, first, beams),

@@ -132,7 +132,7 @@ class WallClock:
 
 
 class WorkClock:
-    """Work done so far, in training steps and blocks of beams: the same in every run."""
+    """Work done so far, in training steps and whole blocks of beams: the same in every run."""
 
     def __init__(self) -> None:
         self._spent = 0.0
