@@ -12,12 +12,13 @@ import rosbag
 import rospy
 import yaml
 
+from bench.paths import BINARIES
 from bench.ros_session import master, peak_rss_mb, running, simulated_survey, wait_until
 from rbpf_svgp_slam.msg import FilterStatus
 
 MISSION = "hugin1"  # 8 million beams
 PARTICLES = 100
-PATIENCE_S = 1200.0
+PATIENCE_S = 300.0
 
 
 def run(out: Path) -> dict[str, Any]:
@@ -29,8 +30,8 @@ def run(out: Path) -> dict[str, Any]:
         _set_parameters(bag)
         statuses: list[FilterStatus] = []
         rospy.Subscriber("rbpf_core/status", FilterStatus, statuses.append)
-        command = ["rosrun", "rbpf_svgp_slam", "rbpf_offline", "__name:=rbpf_core"]
-        command += [f"_bag:={bag}", "_take_turns:=true"]
+        # rosrun finds no binary in a build folder that lies within the package
+        command = [str(BINARIES / "rbpf_offline"), f"_bag:={bag}", "_take_turns:=true"]
         with running(command, out / "offline.log"):
             finished = "rbpf_core/replay_finished"
             wait_until(lambda: rospy.get_param(finished, False), "the replay's end", PATIENCE_S)
