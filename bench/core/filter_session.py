@@ -89,7 +89,7 @@ def filter_session(
 
 
 def _overlay(particles: int, nodes: int, optimizer: str) -> dict[str, Any]:
-    """Every beam can be drawn at once, nothing is published."""
+    """Every beam can be drawn at once, nothing is published, every prompt is weighed."""
     return {
         "particles": particles,
         "nodes": nodes,
@@ -98,5 +98,6 @@ def _overlay(particles: int, nodes: int, optimizer: str) -> dict[str, Any]:
         "mapping": {"hold_back_s": 0.0},
         "map": {"threads": 1, "publish_period_s": 0.0},
         "svgp": {"inducing_points": S, "minibatch_size": M, "optimizer": optimizer},
+        "lc": {"min_overlap": 0.001, "mapped_variance": 2.0, "veto_sigma": 1e6},
         "evaluation": {"holdout": 0.0},
     }

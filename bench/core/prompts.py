@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import statistics
+import time
 from pathlib import Path
 from typing import Any
 
-from bench.core.filter_session import filter_session
+from bench.core.filter_session import FilterSession, filter_session
 from bench.ros_session import master, wait_until
 
 PARTICLES, NODES = 100, 2
@@ -15,6 +16,8 @@ OPTIMIZERS = ("streaming", "adam")
 BEAMS = 100_000
 STEPS = 20  # of a map, before it is asked for anything
 REPEATS = 7
+#: Between two prompts: new beams, which all maps take in, and the time for that or for their steps.
+NEW_BEAMS, PAUSE_S = 5_000, 4.0
 PATIENCE_S = 300.0
 
 
@@ -30,12 +33,19 @@ def run(out: Path) -> dict[str, Any]:
     }
 
 
+def _prompt(session: FilterSession, beams: int) -> dict[str, Any]:
+    """A prompt after every map has changed since the last one, as in a survey."""
+    session.grow(beams)
+    time.sleep(PAUSE_S)
+    return session.prompt()
+
+
 def _measure(optimizer: str, out: Path) -> dict[str, Any]:
     with filter_session(PARTICLES, NODES, optimizer, out / f"prompts_{optimizer}.log") as session:
         session.grow(BEAMS)
         wait_until(lambda: session.steps_per_map() >= STEPS, "the maps' training", PATIENCE_S)
         training = session.steps_per_s(5.0)
-        prompts = [session.prompt() for _ in range(REPEATS)]
+        prompts = [_prompt(session, BEAMS + k * NEW_BEAMS) for k in range(1, REPEATS + 1)]
         resamplings = [session.resample() for _ in range(REPEATS)]
         return {
             "prompt_s": statistics.median(prompt["wall_s"] for prompt in prompts),
