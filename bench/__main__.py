@@ -26,6 +26,7 @@ SECTIONS = {
     "svgp.streaming": "bench.svgp.streaming",
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",
+    "core.ingest_training": "bench.core.ingest_training",
     "core.weights_and_numbering": "bench.core.weights_and_numbering",
     "core.prompts": "bench.core.prompts",
     "core.offline": "bench.core.offline",

@@ -31,60 +31,66 @@ SETTLE_S = 3.0
 
 def run(out: Path) -> dict[str, Any]:
     """ingest_p99_ms and ingest_dropped, by the core's own account, and what it did besides."""
-    with tempfile.TemporaryDirectory() as folder, master():
-        overlay = Path(folder) / "ingest.yaml"
-        overlay.write_text(yaml.safe_dump(_overlay()))
-        launch = ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch"]
-        launch += [f"config:={overlay}", "local_nodes:=0"]
-        with running(launch, out / "ingest.log"):
-            return _measure()
-
-
-def _overlay() -> dict[str, Any]:
-    """Every beam can be drawn at once."""
+    minibatches: list[int] = []
+    with core(out / "ingest.log", local_nodes=0) as statuses, _askers(minibatches):
+        figures = sail(statuses, DURATION_S)
+    figures["minibatches_per_s"] = sum(minibatches) / DURATION_S
     return {
+        "ingest_p99_ms": figures["p99_ms"],
+        "ingest_dropped": figures["dropped"],
+        "ingest": figures,
+    }
+
+
+@contextlib.contextmanager
+def core(log: Path, local_nodes: int, **overlay: Any) -> Iterator[list[FilterStatus]]:
+    """The live core, from whose log every beam can be drawn at once; its statuses."""
+    settings = {
         "particles": PARTICLES,
         "nodes": NODES,
         "survey_area": [[0.0, -60.0], [2000.0, -60.0], [2000.0, 60.0], [0.0, 60.0]],
         "mapping": {"hold_back_s": 0.0},
         "pings": {"max_range_m": 200.0},
     }
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml") as config, master():
+        yaml.safe_dump(settings | overlay, config)
+        config.flush()
+        launch = ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch"]
+        launch += [f"config:={config.name}", f"local_nodes:={local_nodes}"]
+        with running(launch, log):
+            statuses: list[FilterStatus] = []
+            rospy.Subscriber("rbpf_core/status", FilterStatus, statuses.append)
+            wait_until(lambda: bool(statuses), "the core")
+            yield statuses
 
 
-def _measure() -> dict[str, Any]:
-    statuses: list[FilterStatus] = []
-    rospy.Subscriber("rbpf_core/status", FilterStatus, statuses.append)
+def sail(statuses: list[FilterStatus], duration_s: float) -> dict[str, Any]:
+    """What has become of pings that were sent for so long."""
     vehicle = _Vehicle()
-    wait_until(vehicle.is_heard, "the core")
-    with _askers() as minibatches:
-        sent = vehicle.sail()
-        time.sleep(SETTLE_S)
-        last = statuses[-1]
-    asked = sum(minibatches)
+    wait_until(vehicle.is_heard, "the core's ears")
+    sent = vehicle.sail(duration_s)
+    time.sleep(SETTLE_S)
+    last = statuses[-1]
     return {
-        "ingest_p99_ms": 1e3 * last.ping_age_p99_s,
-        "ingest_dropped": sent - last.pings,
-        "ingest": {
-            "largest_ms": 1e3 * last.ping_age_max_s,
-            "pings": sent,
-            "beams": last.beams,
-            "duration_s": DURATION_S,
-            "minibatches_per_s": asked / DURATION_S,
-        },
+        "p99_ms": 1e3 * last.ping_age_p99_s,
+        "largest_ms": 1e3 * last.ping_age_max_s,
+        "dropped": sent - last.pings,
+        "pings": sent,
+        "beams": last.beams,
+        "duration_s": duration_s,
     }
 
 
 @contextlib.contextmanager
-def _askers() -> Iterator[list[int]]:
-    """Two stand-ins for map nodes; in the end the list holds the minibatches that each was sent."""
+def _askers(minibatches: list[int]) -> Iterator[None]:
+    """Stand-ins for map nodes; in the end the list holds the minibatches that each was sent."""
     share = PARTICLES // NODES
     processes = []
     for first in range(0, PARTICLES, share):
         command = [sys.executable, "-m", "bench.core.asker", str(first), str(first + share)]
         processes.append(subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True))
-    minibatches: list[int] = []
     try:
-        yield minibatches
+        yield
     finally:
         for process in processes:
             process.send_signal(signal.SIGINT)
@@ -102,9 +108,9 @@ class _Vehicle:
     def is_heard(self) -> bool:
         return min(p.get_num_connections() for p in (self._odometry, self._pings)) > 0
 
-    def sail(self) -> int:
+    def sail(self, duration_s: float) -> int:
         """Publish at the rate that pings come at; returns their number."""
-        pings = int(PING_RATE_HZ * DURATION_S)
+        pings = int(PING_RATE_HZ * duration_s)
         start_s = time.monotonic()
         for k in range(pings):
             time.sleep(max(0.0, start_s + k / PING_RATE_HZ - time.monotonic()))

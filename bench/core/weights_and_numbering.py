@@ -1,4 +1,4 @@
-"""A prompt's weights at J = 100, and the maps that change node when half the particles are replaced."""
+"""A prompt's weights at J = 100, and the maps that change node when half are replaced."""
 
 from __future__ import annotations
 
