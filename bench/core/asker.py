@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 
 import rospy
@@ -14,7 +15,9 @@ MINIBATCH_SIZE = 1000
 
 
 def main() -> None:
-    """Ask for the particles first .. last - 1 until interrupted; then print the replies."""
+    """Ask for the particles first .. last - 1 until terminated; then print what has come."""
+    # not SIGINT, which is ignored in what a script starts in the background
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     first, last = map(int, sys.argv[1:])
     rospy.init_node(f"asker_{first}", disable_signals=True)
     rospy.wait_for_service(SERVICE)

@@ -78,8 +78,8 @@ class MapEngine(ABC):
         """Start again with what the teacher knows now.
 
         beams [n, 3]: the log's first `beams_in_log` beams, or a uniform sample of them; pause:
-        called now and then, while the map is what it was. What that raises ends the rebuild, without
-        effect.
+        called now and then, while the map is what it was. What that raises ends the rebuild,
+        without effect.
         """
         raise NotImplementedError(f"{type(self).__name__} learns from minibatches")
 

@@ -100,7 +100,8 @@ class MapStore:
     def rebuild(self, particle: int, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
         """One map again, from a sample [n, 3] of the log's beams; false as above.
 
-        That takes long: requests are let in between. A resampling among them ends it, without effect.
+        That takes long: requests are let in between. A resampling among them ends it, without
+        effect.
         """
 
         def pause() -> None:
