@@ -46,11 +46,7 @@ class FilterSession:
 
     def steps_per_map(self) -> float:
         """Training steps so far, of the node that has done fewest."""
-        return min(
-            status.steps / len(status.particles)
-            for status in self._statuses.values()
-            if status.particles  # B may exceed J
-        )
+        return min(status.steps / len(status.particles) for status in self._statuses.values())
 
     def steps_per_s(self, seconds: float) -> float:
         """Training steps of all nodes together, by the stamps of their own messages."""

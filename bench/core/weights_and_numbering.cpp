@@ -102,7 +102,7 @@ int main() {
               1e3 * secondsToWeigh(rbpf_core::WeightRule::kRobust),
               1e3 * secondsToWeigh(rbpf_core::WeightRule::kProduct));
   const char* separator = "";
-  for (const std::size_t nodes : {2U, 4U, 10U}) {
+  for (const std::size_t nodes : {2U, 4U, 10U, 32U}) {
     const Traffic traffic = meanTraffic(nodes);
     std::printf("%s\"%zu\": {\"plain\": %.2f, \"ours\": %.2f, \"replaced_share\": %.3f}", separator,
                 nodes, traffic.plain, traffic.ours, traffic.replaced);
