@@ -150,7 +150,7 @@ int main(int argc, char** argv) {
   try {
     rbpf_node::Spinning spinning;
     const auto params = rbpf_node::loadParameters(spinning.node());
-    const FilterNode node(&spinning, params);
+    FilterNode node(&spinning, params);
     spinning.start(2 * params.nodes + 1);
     ros::waitForShutdown();
     spinning.stop();

@@ -48,6 +48,11 @@ class FilterSession:
         """Training steps so far, of the node that has done fewest."""
         return min(status.steps / len(status.particles) for status in self._statuses.values())
 
+    def wait_for_steps(self, steps: float, patience_s: float = START_PATIENCE_S) -> None:
+        """Until every node has done so many more steps for each of its maps."""
+        goal = self.steps_per_map() + steps
+        wait_until(lambda: self.steps_per_map() >= goal, "the maps' training", patience_s)
+
     def steps_per_s(self, seconds: float) -> float:
         """Training steps of all nodes together, by the stamps of their own messages."""
         before = dict(self._statuses)

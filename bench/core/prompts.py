@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.core.filter_session import FilterSession, filter_session
-from bench.ros_session import master, wait_until
+from bench.ros_session import master
 
 PARTICLES, NODES = 100, 2
 #: The default, and the paper's; maps of natgrad are like Adam's.
@@ -43,7 +43,7 @@ def _prompt(session: FilterSession, beams: int) -> dict[str, Any]:
 def _measure(optimizer: str, out: Path) -> dict[str, Any]:
     with filter_session(PARTICLES, NODES, optimizer, out / f"prompts_{optimizer}.log") as session:
         session.grow(BEAMS)
-        wait_until(lambda: session.steps_per_map() >= STEPS, "the maps' training", PATIENCE_S)
+        session.wait_for_steps(STEPS, PATIENCE_S)
         training = session.steps_per_s(5.0)
         prompts = [_prompt(session, BEAMS + k * NEW_BEAMS) for k in range(1, REPEATS + 1)]
         resamplings = [session.resample() for _ in range(REPEATS)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.core.filter_session import FilterSession, filter_session
-from bench.ros_session import master, wait_until
+from bench.ros_session import master
 
 OPTIMIZER = "adam"  # whose steps do not depend on how many beams have been taken in
 PARTICLES = (1, 10, 40, 100)
@@ -15,7 +15,6 @@ NODES = (1, 2, 4)
 BEAMS = (100_000, 1_000_000, 12_400_000)
 MEASURE_S = 6.0
 REPEATS = 3
-PATIENCE_S = 300.0
 HEAD = "| J | B | N | steps/s | prompt, s | resampling, s | maps moved | core, MB | a node, MB |"
 
 
@@ -38,7 +37,7 @@ def _rows(particles: int, nodes: int, out: Path) -> list[dict[str, Any]]:
         rows = []
         for beams in BEAMS:
             session.grow(beams)
-            wait_until(lambda: session.steps_per_map() >= 1, "the maps' training", PATIENCE_S)
+            session.wait_for_steps(1)
             row = {"particles": particles, "nodes": nodes, "beams": beams}
             rows.append(row | _measure(session))
         return rows
@@ -46,8 +45,12 @@ def _rows(particles: int, nodes: int, out: Path) -> list[dict[str, Any]]:
 
 def _measure(session: FilterSession) -> dict[str, Any]:
     steps_per_s = session.steps_per_s(MEASURE_S)
-    prompts = [session.prompt()["wall_s"] for _ in range(REPEATS)]
-    resamplings = [session.resample() for _ in range(REPEATS)]
+    prompts, resamplings = [], []
+    for _ in range(REPEATS):
+        # so that every map has changed, and nothing is left of its last prediction
+        session.wait_for_steps(2)
+        prompts.append(session.prompt()["wall_s"])
+        resamplings.append(session.resample())
     rss = session.rss_mb()
     core_mb = rss.pop("rbpf_core")
     return {

@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <memory>
 #include <stdexcept>
 
 #include "rbpf_node/node.hpp"
@@ -26,6 +27,12 @@ int main(int argc, char** argv) {
     rbpf_node::OfflineReplay replay(own, params, &slam);
     // a map node may wait for its turn while an earlier call, cut off, still waits
     spinning.start(2 * params.nodes + 1);
+    // however this ends, nobody may be called back once the members are gone
+    const auto stop = [&](void*) {
+      replay.close();
+      spinning.stop();
+    };
+    const std::unique_ptr<void, decltype(stop)> stop_at_end(&spinning, stop);
     const double wall_s = replay.run(own.param<std::string>("bag", ""),
                                      {own.param<std::string>("odom_topic", "/odom"),
                                       own.param<std::string>("ping_topic", "/mbes/pings")});

@@ -66,7 +66,7 @@ void SlamNode::handleOdometry(const nav_msgs::Odometry::ConstPtr& message) {
 void SlamNode::handlePing(const sensor_msgs::PointCloud2::ConstPtr& message) {
   {
     const std::lock_guard lock(mutex_);
-    countGap(message->header.seq);
+    if (input_ == Input::kLive) countGap(message->header.seq);
     pings_without_mount_.push_back(message);
     if (pings_without_mount_.size() > params_.filter.ping_queue) {
       ++pings_missed_;

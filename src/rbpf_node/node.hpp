@@ -60,8 +60,6 @@ class SlamNode {
   Publishers publishers_;
   tf2_ros::Buffer transforms_;
   diagnostic_updater::Updater diagnostics_;
-  ros::ServiceServer finish_server_;
-  ros::WallTimer overview_timer_;
 
   mutable std::mutex mutex_;  // guards what follows
   std::deque<sensor_msgs::PointCloud2::ConstPtr> pings_without_mount_;
@@ -71,6 +69,9 @@ class SlamNode {
   std::uint64_t pings_malformed_ = 0;
   std::size_t pings_noted_ = 0;  // whose ages are known
   PingAges ages_;
+
+  ros::ServiceServer finish_server_;
+  ros::WallTimer overview_timer_;  // last: what it calls needs all of the above
 };
 
 }  // namespace rbpf_node

@@ -85,6 +85,9 @@ void OfflineReplay::trainFinally(double duration_s) {
     s = std::min(s + 1.0, params_.final_training_s);
     trainUpTo(duration_s + s);
   }
+  // and if no round was due: maps take in what is held back no longer
+  turns_.grant(0);
+  awaitNodes(duration_s);
 }
 
 void OfflineReplay::trainUpTo(double survey_s) {
@@ -126,10 +129,11 @@ std::string OfflineReplay::counts() const {
 bool OfflineReplay::take(rbpf_svgp_slam::TakeTurn::Request& request,
                          rbpf_svgp_slam::TakeTurn::Response& response) {
   try {
-    const auto rounds = turns_.take(request.status);
-    response.success = rounds.has_value();
-    response.rounds = rounds.value_or(0);
-    if (!rounds) response.message = "the replay has ended, or this node has asked once more";
+    const auto turn = turns_.take(request.status, request.turn);
+    response.success = turn.has_value();
+    response.turn = turn.value_or(Turn{}).number;
+    response.rounds = turn.value_or(Turn{}).rounds;
+    if (!turn) response.message = "the replay has ended";
   } catch (const std::invalid_argument& error) {
     response.message = error.what();
   }

@@ -20,7 +20,10 @@ class OfflineReplay {
   // Advertises ~take_turn on `private_node`'s callback queue, of which every map node may hold one
   // thread for any time.
   OfflineReplay(ros::NodeHandle private_node, const Parameters& params, SlamNode* slam);
-  ~OfflineReplay() { turns_.close(); }
+  ~OfflineReplay() { close(); }
+
+  // Sends the map nodes home. To be called before their callback queue is stopped.
+  void close() { turns_.close(); }
 
   // Hands the bag's messages, in the order of their stamps, to the node's handlers. In between it
   // grants the map nodes their turns, offline/steps_per_second optimizer steps for every second of

@@ -23,7 +23,9 @@ std::string ProgressLine::progress(double survey_s) const {
   const double rate = survey_s / std::max(wall_s(), kInstant_s);
   char eta[16] = "--:--";
   if (rate > 0.0) {
-    const int left_s = static_cast<int>((duration_s_ - survey_s) / rate);
+    const double longest_s = 99 * 60 + 59;
+    const int left_s =
+        static_cast<int>(std::clamp((duration_s_ - survey_s) / rate, 0.0, longest_s));
     std::snprintf(eta, sizeof(eta), "%02d:%02d", left_s / 60, left_s % 60);
   }
   char text[128];
@@ -39,11 +41,13 @@ void ProgressLine::print(double survey_s, const std::string& what) {
   std::fflush(stdout);
 }
 
-double ProgressLine::end(const std::string& what) const {
+double ProgressLine::end(const std::string& what) {
   const double taken_s = wall_s();
   std::printf("\noffline replay: %.1f s of survey in %.2f s, %.1f x real time; %s\n", duration_s_,
               taken_s, duration_s_ / std::max(taken_s, kInstant_s), what.c_str());
   std::fflush(stdout);
+  duration_s_ = 0.0;  // what comes now is beyond the survey
+  printed_ = 0;
   return taken_s;
 }
 

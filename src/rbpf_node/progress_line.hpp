@@ -20,7 +20,7 @@ class ProgressLine {
   }
 
   // Leaves the line and writes the totals below it. Returns the replay's wall time, s.
-  double end(const std::string& what) const;
+  double end(const std::string& what);
 
  private:
   double wall_s() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 namespace rbpf_node {
@@ -15,24 +16,23 @@ constexpr auto kPoll = std::chrono::milliseconds(100);
 Turns::Turns(std::size_t nodes, std::function<bool()> ended)
     : nodes_(nodes), ended_(std::move(ended)) {}
 
-std::optional<std::uint32_t> Turns::take(const rbpf_svgp_slam::MapStatus& status) {
+std::optional<Turn> Turns::take(const rbpf_svgp_slam::MapStatus& status, std::uint32_t done) {
   if (status.node >= nodes_) {
     throw std::invalid_argument("node " + std::to_string(status.node) + ", expected below " +
                                 std::to_string(nodes_));
   }
   std::unique_lock lock(mutex_);
-  Waiting& own = waiting_[status.node];
-  const std::uint64_t ticket = ++own.ticket;
-  own.status = status;
-  own.idle = true;
-  own.rounds.reset();
+  if (done > granted_.number) {
+    throw std::invalid_argument("turn " + std::to_string(done) + ", expected at most " +
+                                std::to_string(granted_.number) + ", the newest");
+  }
+  known_[status.node] = {status, done};
   changed_.notify_all();
-  const auto decided = [&] { return own.rounds || own.ticket != ticket || closed_; };
+  const auto decided = [&] { return granted_.number > done || closed_; };
   while (!changed_.wait_for(lock, kPoll, decided) && !ended_()) {
   }
-  if (own.ticket != ticket) return std::nullopt;
-  own.idle = false;
-  return std::exchange(own.rounds, std::nullopt);
+  if (granted_.number == done) return std::nullopt;
+  return granted_;
 }
 
 bool Turns::awaitAll(const Meanwhile& meanwhile) {
@@ -50,17 +50,14 @@ bool Turns::awaitAll(const Meanwhile& meanwhile) {
 void Turns::grant(std::uint32_t rounds) {
   const std::lock_guard lock(mutex_);
   if (!busy().empty()) throw std::logic_error("a turn is granted while a node still works");
-  for (auto& [node, waiting] : waiting_) {
-    waiting.idle = false;
-    waiting.rounds = rounds;
-  }
+  granted_ = {granted_.number + 1, rounds};
   changed_.notify_all();
 }
 
 std::vector<rbpf_svgp_slam::MapStatus> Turns::states() const {
   const std::lock_guard lock(mutex_);
   std::vector<rbpf_svgp_slam::MapStatus> states;
-  for (const auto& [node, waiting] : waiting_) states.push_back(waiting.status);
+  for (const auto& [index, node] : known_) states.push_back(node.status);
   return states;
 }
 
@@ -73,8 +70,9 @@ void Turns::close() {
 std::vector<std::uint32_t> Turns::busy() const {
   std::vector<std::uint32_t> nodes;
   for (std::uint32_t node = 0; node < nodes_; ++node) {
-    const auto known = waiting_.find(node);
-    if (known == waiting_.end() || !known->second.idle) nodes.push_back(node);
+    const auto known = known_.find(node);
+    const bool idle = known != known_.end() && known->second.done == granted_.number;
+    if (!idle) nodes.push_back(node);
   }
   return nodes;
 }

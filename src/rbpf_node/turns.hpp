@@ -15,15 +15,21 @@
 
 namespace rbpf_node {
 
+// Counted from 1; rounds: see TakeTurn.srv.
+struct Turn {
+  std::uint32_t number = 0;
+  std::uint32_t rounds = 0;
+};
+
 class Turns {
  public:
   // `ended` is asked all the time by whoever waits: true once nobody may wait any longer.
   Turns(std::size_t nodes, std::function<bool()> ended);
 
-  // A node's side: has finished its last turn and waits for the next one. Returns its rounds, or
-  // nothing if there will be none: all is over, or the same node has asked once more, because it
-  // lost its connection. Throws std::invalid_argument if there is no such node.
-  std::optional<std::uint32_t> take(const rbpf_svgp_slam::MapStatus& status);
+  // A node's side: has finished turn `done` (0: none yet) and waits for the one after it, which it
+  // gets once more if the answer to an earlier call was lost. Nothing if all is over. Throws
+  // std::invalid_argument if there is no such node, or no such turn has been granted.
+  std::optional<Turn> take(const rbpf_svgp_slam::MapStatus& status, std::uint32_t done);
 
   // The replay's side: waits until every node has finished its turn; false: all is over before
   // that. `meanwhile` is called about ten times a second with the nodes that are waited for.
@@ -40,11 +46,9 @@ class Turns {
   void close();
 
  private:
-  struct Waiting {
+  struct Node {
     rbpf_svgp_slam::MapStatus status;
-    std::uint64_t ticket = 0;             // of the node's newest call
-    bool idle = false;                    // that call waits for a turn
-    std::optional<std::uint32_t> rounds;  // granted to it
+    std::uint32_t done = 0;
   };
 
   std::vector<std::uint32_t> busy() const;
@@ -53,7 +57,8 @@ class Turns {
   const std::function<bool()> ended_;
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable changed_;
-  std::map<std::uint32_t, Waiting> waiting_;
+  std::map<std::uint32_t, Node> known_;  // nodes that have asked
+  Turn granted_;                         // the newest
   bool closed_ = false;
 };
 

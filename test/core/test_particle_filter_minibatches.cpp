@@ -340,6 +340,43 @@ TEST(ParticleFilterThreads, DrawAndReadWhileTheSurveyGrowsAndIsResampled) {
   EXPECT_EQ(filter.counters().pings_dropped, 0U);
 }
 
+// The most pings that came in while one call of `work` lasted, over up to 200 calls; no more calls
+// once it is `enough`.
+template <typename Work>
+std::size_t pingsTakenInDuring(std::size_t enough, const Work& work) {
+  ParticleFilter filter(noisyParams(8));
+  sail(filter, turning, 0, 99);
+  std::atomic<bool> stop{false};
+  std::thread vehicle([&] {
+    for (int k = 500; !stop; ++k) {
+      filter.addOdometry(turning(0.2 * k));
+      filter.addPing(pingAt(0.2 * k));
+    }
+  });
+  std::size_t most = 0;
+  for (int call = 0; call < 200 && most < enough; ++call) {
+    const std::size_t before = filter.pings();
+    work(filter);
+    most = std::max(most, filter.pings() - before);
+  }
+  stop = true;
+  vehicle.join();
+  return most;
+}
+
+// Each call takes some milliseconds, a ping some microseconds. Under a common lock only those few
+// pings would come in that slip in between the call's ends and the lock's.
+TEST(ParticleFilterThreads, PingsAreTakenInWhileOthersAreAtWork) {
+  constexpr std::size_t kEnough = 50;
+  const auto reading = [](const ParticleFilter& filter) { filter.survey(0, 1000000); };
+  EXPECT_GE(pingsTakenInDuring(kEnough, reading), kEnough);
+  std::vector<PlacedBeam> minibatch(1000000);
+  const auto drawing = [&](const ParticleFilter& filter) {
+    filter.drawMinibatch(0, minibatch.size(), minibatch.data());
+  };
+  EXPECT_GE(pingsTakenInDuring(kEnough, drawing), kEnough);
+}
+
 // What is shown once stays as it was: what a reader makes of it belongs together.
 TEST(ParticleFilterSnapshot, StaysAsItWasWhileTheFilterGoesOn) {
   FilterParams params = noisyParams(5);

@@ -22,11 +22,12 @@ rbpf_svgp_slam::MapStatus statusOf(std::uint32_t node, std::uint64_t steps = 0) 
 void nothing(const std::vector<std::uint32_t>&) {}
 bool goesOn() { return false; }
 
-using Answer = std::future<std::optional<std::uint32_t>>;
+using Answer = std::future<std::optional<Turn>>;
 
-Answer ask(Turns& turns, std::uint32_t node, std::uint64_t steps = 0) {
-  return std::async(std::launch::async,
-                    [&turns, node, steps] { return turns.take(statusOf(node, steps)); });
+Answer ask(Turns& turns, std::uint32_t node, std::uint32_t done = 0, std::uint64_t steps = 0) {
+  return std::async(std::launch::async, [&turns, node, done, steps] {
+    return turns.take(statusOf(node, steps), done);
+  });
 }
 
 TEST(Turns, WorkIsDoneByOneSideAtATime) {
@@ -38,9 +39,11 @@ TEST(Turns, WorkIsDoneByOneSideAtATime) {
   for (std::uint32_t node = 0; node < kNodes; ++node) {
     nodes.emplace_back([&turns, &working, node] {
       std::uint64_t steps = 0;
-      while (const auto rounds = turns.take(statusOf(node, steps))) {
+      std::uint32_t done = 0;
+      while (const auto turn = turns.take(statusOf(node, steps), done)) {
         ++working;
-        steps += *rounds;
+        steps += turn->rounds;
+        done = turn->number;
         --working;
       }
     });
@@ -77,8 +80,8 @@ TEST(Turns, WaitsForEveryNodeAndSaysForWhich) {
   }));
   EXPECT_EQ(busy, (std::vector<std::uint32_t>{0, 2}));
   turns.grant(7);
-  EXPECT_EQ(first.get(), 7U);
-  EXPECT_EQ(others[0].get(), 7U);
+  EXPECT_EQ(first.get()->rounds, 7U);
+  EXPECT_EQ(others[0].get()->rounds, 7U);
 }
 
 TEST(Turns, AreNotGrantedToANodeAtWork) {
@@ -86,19 +89,27 @@ TEST(Turns, AreNotGrantedToANodeAtWork) {
   Answer answer = ask(turns, 0);
   EXPECT_THROW(turns.grant(1), std::logic_error);
   turns.close();
-  EXPECT_EQ(answer.get(), std::nullopt);
+  EXPECT_FALSE(answer.get());
 }
 
-TEST(Turns, ANodeThatAsksOnceMoreGivesUpItsEarlierCall) {
+// Whether its first call is still under way, or its answer has been lost.
+TEST(Turns, ANodeThatAsksOnceMoreGetsTheSameTurn) {
   Turns turns(1, goesOn);
-  Answer earlier = ask(turns, 0, 1);
+  Answer cut_off = ask(turns, 0, 0);
   ASSERT_TRUE(turns.awaitAll(nothing));
-  Answer later = ask(turns, 0, 2);
-  EXPECT_EQ(earlier.get(), std::nullopt);
-  ASSERT_TRUE(turns.awaitAll(nothing));
-  EXPECT_EQ(turns.states()[0].steps, 2U);
+  Answer again = ask(turns, 0, 0);
   turns.grant(3);
-  EXPECT_EQ(later.get(), 3U);
+  EXPECT_EQ(cut_off.get()->rounds, 3U);
+  EXPECT_EQ(again.get()->rounds, 3U);
+  const auto once_more = turns.take(statusOf(0), 0);
+  EXPECT_EQ(once_more->number, 1U);
+  EXPECT_EQ(once_more->rounds, 3U);
+  EXPECT_THROW(turns.grant(1), std::logic_error) << "none of these says that the turn is done";
+  Answer next = ask(turns, 0, 1, 3);
+  ASSERT_TRUE(turns.awaitAll(nothing));
+  EXPECT_EQ(turns.states()[0].steps, 3U);
+  turns.grant(0);
+  EXPECT_EQ(next.get()->number, 2U);
 }
 
 TEST(Turns, EndForEverybodyWhenAllIsOver) {
@@ -107,13 +118,18 @@ TEST(Turns, EndForEverybodyWhenAllIsOver) {
   Answer answer = ask(turns, 0);
   auto replay = std::async(std::launch::async, [&turns] { return turns.awaitAll(nothing); });
   over = true;
-  EXPECT_EQ(answer.get(), std::nullopt);
+  EXPECT_FALSE(answer.get());
   EXPECT_FALSE(replay.get());
 }
 
 TEST(Turns, AreNotForUnknownNodes) {
   Turns turns(2, goesOn);
-  EXPECT_THROW(turns.take(statusOf(2)), std::invalid_argument);
+  EXPECT_THROW(turns.take(statusOf(2), 0), std::invalid_argument);
+}
+
+TEST(Turns, AreNotDoneBeforeTheyAreGranted) {
+  Turns turns(1, goesOn);
+  EXPECT_THROW(turns.take(statusOf(0), 1), std::invalid_argument);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@ from rbpf_svgp_slam.msg import MapStatus
 from rbpf_svgp_slam.ros import turns
 from rbpf_svgp_slam.ros.core_client import Minibatches
 from rbpf_svgp_slam.ros.turns import TurnFeed, WorkClock
+from rbpf_svgp_slam.srv import TakeTurnResponse
 
 SOON_S = 5.0  # for what is expected to happen: reached only by a bug
 SHORT_S = 0.05  # for what is expected not to happen
@@ -106,6 +107,45 @@ def test_minibatches_that_do_not_come_are_asked_for_again(replay):
     replies = [feed.take(SOON_S) for _ in range(3)]
     assert [reply is None for reply in replies] == [True, False, False]
     assert feed.take(SHORT_S) is None
+
+
+def test_a_turn_without_rounds_is_not_over_before_its_reply(replay):
+    feed = make_feed(replay)
+    feed.take(SHORT_S)
+    replay.rounds.put(0)
+    replay.fails = 1
+    assert feed.take(SOON_S) is None
+    assert feed.take(SOON_S).beams_in_log == 100
+
+
+def test_a_lost_connection_is_made_anew_and_asks_for_the_same_turn(replay, monkeypatch):
+    asked, made = [], []
+
+    class Proxy:
+        def __init__(self, *_, **__):
+            made.append(self)
+
+        def __call__(self, status, turn):
+            asked.append((len(made), status.steps, turn))
+            if len(asked) in (2, 3):  # a dead connection stays dead
+                raise ConnectionResetError("reset by peer")
+            return TakeTurnResponse(success=True, turn=turn + 1, rounds=5)
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(turns.rospy, "ServiceProxy", Proxy)
+    monkeypatch.setattr(turns.rospy, "wait_for_service", lambda *_, **__: None)
+    monkeypatch.setattr(turns, "BACK_OFF_S", (0.0, 0.0))
+    steps = iter(range(10))
+    feed = TurnFeed(lambda: [0], SIZE, lambda: 0, 1, lambda: MapStatus(steps=next(steps)))
+    feed.take(SHORT_S)
+    for _ in range(5):
+        assert feed.take(SOON_S) is not None
+    feed.take(SHORT_S)
+    assert feed.take(SOON_S) is not None
+    # connection, state, last turn done
+    assert asked == [(1, 0, 0), (1, 1, 1), (2, 1, 1), (3, 1, 1)]
 
 
 def test_the_work_clock_counts_work_alone():

@@ -14,7 +14,12 @@ import numpy as np
 import rospy
 
 from rbpf_svgp_slam.ros.payload import BadRequest, unpack
-from rbpf_svgp_slam.srv import GetBeams, GetMinibatches, GetMinibatchesResponse
+from rbpf_svgp_slam.srv import (
+    GetBeams,
+    GetBeamsResponse,
+    GetMinibatches,
+    GetMinibatchesResponse,
+)
 
 SERVICE = "rbpf_core/get_minibatches"
 BEAMS_SERVICE = "rbpf_core/get_beams"
@@ -195,23 +200,25 @@ class BeamReader:
 
     def read(self, particles: Sequence[int], first: Sequence[int], size: int) -> Beams | None:
         """Up to `size` beams for each particle, from its own `first` of the log on."""
-        response = self._call(BEAMS_SERVICE, GetBeams, list(particles), list(first), size)
-        if response is None:
-            return None
-        beams = unpack("beams", response.beams, (sum(response.counts), 3))
-        parts = np.split(beams, np.cumsum(response.counts)[:-1])
-        return Beams(response.epoch, response.beams_in_log, parts)
+
+        def parts(response: GetBeamsResponse) -> list[np.ndarray]:
+            beams = unpack("beams", response.beams, (sum(response.counts), 3))
+            return np.split(beams, np.cumsum(response.counts)[:-1])
+
+        return self._call(BEAMS_SERVICE, GetBeams, parts, list(particles), list(first), size)
 
     def sample(self, particle: int, size: int) -> Beams | None:
         """`size` beams, drawn from the whole log."""
-        response = self._call(SERVICE, GetMinibatches, [particle], size)
-        if response is None:
-            return None
-        beams = unpack("beams", response.beams, (size, 3))
-        return Beams(response.epoch, response.beams_in_log, [beams])
 
-    def _call(self, name: str, service_class: type, *request: object) -> object | None:
-        """The response; none, with a warning, if the core is not there or refuses."""
+        def parts(response: GetMinibatchesResponse) -> list[np.ndarray]:
+            return [unpack("beams", response.beams, (size, 3))]
+
+        return self._call(SERVICE, GetMinibatches, parts, [particle], size)
+
+    def _call(
+        self, name: str, service_class: type, parts: Callable, *request: object
+    ) -> Beams | None:
+        """The response's beams; none, with a warning, if the core is not there or refuses."""
         try:
             if name not in self._proxies:
                 rospy.wait_for_service(name, timeout=BACK_OFF_S[1])
@@ -226,4 +233,8 @@ class BeamReader:
         if not response.success:
             rospy.logwarn_throttle(WARNING_PERIOD_S, "%s refused: %s", name, response.message)
             return None
-        return response
+        try:
+            return Beams(response.epoch, response.beams_in_log, parts(response))
+        except BadRequest as error:
+            rospy.logerr_throttle(WARNING_PERIOD_S, "answer of %s: %s", name, error)
+            return None

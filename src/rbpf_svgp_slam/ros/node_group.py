@@ -92,18 +92,21 @@ def _watch(children: Mapping[int, subprocess.Popen]) -> str:
     registered: set[int] = set()
     for index in itertools.cycle(children):
         time.sleep(POLL_S)
-        child = children[index]
+        ended = [k for k, child in children.items() if child.poll() is not None]
+        if ended:
+            index = ended[0]
+            break
         try:
-            uri = _uri_of(f"svgp_node_{index}") if child.poll() is None else None
+            uri = _uri_of(f"svgp_node_{index}")
         except ParameterError:  # the master, or the link to it, may come back
             continue
         if uri is not None:
             registered.add(index)
-        elif index in registered or child.poll() is not None:
+        elif index in registered:
             break
     try:
         # A node that ends says so to the master first.
-        status = child.wait(PATIENCE_S)
+        status = children[index].wait(PATIENCE_S)
     except subprocess.TimeoutExpired:
         uri = rosgraph.get_master_uri()
         return f"ROS master {uri} was started again, and does not know svgp_node_{index}"

@@ -44,6 +44,7 @@ class Training(ABC):
         """
         self._store = store
         self._between_steps = between_steps
+        self._outcome_asked = False  # of a resampling whose decision is overdue
         request = (particles, minibatch_size, lambda: store.epoch)
         self._feed: MinibatchFeed | TurnFeed
         if end_turn is None:
@@ -83,10 +84,15 @@ class Training(ABC):
         if not self._store.undecided():
             self._store.wait_while_frozen(IDLE_S)
             return None
-        # The decision is late or lost. Only an answer to a question asked now tells which.
-        self._feed.refresh()
+        # The decision is late or lost. Only an answer to a question asked from now on tells which.
+        if not self._outcome_asked:
+            self._feed.refresh()
+            self._outcome_asked = True
         reply = self._feed.take(RETRY_S)
-        outcome = self._store.settle(reply.epoch, reply.resampling) if reply else ""
+        if reply is None:
+            return None
+        self._outcome_asked = False
+        outcome = self._store.settle(reply.epoch, reply.resampling)
         if outcome:
             rospy.logwarn("a resampling's outcome has not been sent; %s, as the core says", outcome)
         return None

@@ -48,6 +48,8 @@ class TurnFeed:
         self._end_turn = end_turn
         self._client = MinibatchClient(size, epoch)
         self._left: int | None = 0  # minibatches in this turn; none while waiting for the next
+        self._answered = True  # there has been a reply in this turn
+        self._turn = 0  # number of the last turn
         self._states: queue.SimpleQueue[MapStatus] = queue.SimpleQueue()
         self._rounds: queue.SimpleQueue[int] = queue.SimpleQueue()
         self._proxy: rospy.ServiceProxy | None = None
@@ -66,7 +68,8 @@ class TurnFeed:
                 self._left = self._maps * self._rounds.get(timeout=timeout_s)
             except queue.Empty:
                 return None
-        elif self._left <= 0:
+            self._answered = False
+        elif self._left <= 0 and self._answered:
             self._left = None
             self._states.put(self._end_turn())
             return None
@@ -91,6 +94,7 @@ class TurnFeed:
             time.sleep(EMPTY_LOG_PAUSE_S)
             return None
         self._left -= len(particles)
+        self._answered = True
         return reply
 
     def _run(self) -> None:
@@ -108,16 +112,19 @@ class TurnFeed:
             if self._proxy is None:
                 rospy.wait_for_service(SERVICE, timeout=BACK_OFF_S[1])
                 self._proxy = rospy.ServiceProxy(SERVICE, TakeTurn, persistent=True)
-            response = self._proxy(status)
+            response = self._proxy(status, self._turn)
             if response.success:
+                self._turn = response.turn
                 return response.rounds
             rospy.logwarn_throttle(WARNING_PERIOD_S, "no turn: %s", response.message)
-        except rospy.ServiceException:  # the connection is lost, at the replay's end for one
-            self._proxy = None
         except Exception as error:  # whatever it is: without this thread the replay would stand
+            proxy, self._proxy = self._proxy, None
+            if proxy is not None:
+                proxy.close()
             if rospy.is_shutdown():
                 return None
-            rospy.logwarn_throttle(WARNING_PERIOD_S, "no turn: %s", error)
+            if not isinstance(error, rospy.ServiceException):  # as at the replay's end
+                rospy.logwarn_throttle(WARNING_PERIOD_S, "no turn: %s", error)
         self._stopped.wait(BACK_OFF_S[0])
         return None
 
