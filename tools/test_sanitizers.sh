@@ -5,6 +5,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH=/usr/bin:/bin:$PATH
 results=$1
+# a sourced workspace would put its own librbpf_core.so, without sanitizers, before ours
+unset LD_LIBRARY_PATH CMAKE_PREFIX_PATH
 
 for sanitizers in thread address,undefined; do
   build=build/sanitize/${sanitizers//,/_}  # a comma would split the linker's arguments
