@@ -41,9 +41,17 @@ class StampOrderTest : public testing::Test {
     return "";
   }
 
+  // What has been written; the messages refer to bag_.
+  StampOrder readBack() {
+    writer_.close();
+    openBag(path_, kTopics, &bag_);
+    return inStampOrder(bag_, kTopics);
+  }
+
   const std::string path_ =
       testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + ".bag";
   rosbag::Bag writer_;
+  rosbag::Bag bag_;
 };
 
 TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
@@ -51,10 +59,7 @@ TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
   write<nav_msgs::Odometry>("/odom", 11.0, 1.0);
   write<sensor_msgs::PointCloud2>("/pings", 5.0, 3.0);
   write<sensor_msgs::PointCloud2>("/pings", 6.0, 2.0);
-  writer_.close();
-  rosbag::Bag bag;
-  openBag(path_, kTopics, &bag);
-  const StampOrder order = inStampOrder(bag, kTopics);
+  const StampOrder order = readBack();
   ASSERT_EQ(order.messages.size(), 4U);
   EXPECT_EQ(order.unreadable, 0U);
   const double stamps_s[] = {1.0, 2.0, 3.0, 3.0};
@@ -71,10 +76,7 @@ TEST_F(StampOrderTest, LeavesOutMessagesWithoutAStamp) {
   write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
   write<nav_msgs::Odometry>("/odom", 2.0, 0.0);
   write<sensor_msgs::PointCloud2>("/pings", 1.0, 1.0);
-  writer_.close();
-  rosbag::Bag bag;
-  openBag(path_, kTopics, &bag);
-  const StampOrder order = inStampOrder(bag, kTopics);
+  const StampOrder order = readBack();
   EXPECT_EQ(order.messages.size(), 2U);
   EXPECT_EQ(order.unreadable, 1U);
 }
