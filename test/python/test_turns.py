@@ -35,9 +35,6 @@ class Replay:
         self.asked.append(particles)
         return Minibatches(0, 0, False, 100, np.zeros((len(particles), SIZE, 3)))
 
-    def disconnect(self):
-        pass
-
 
 @pytest.fixture
 def replay(monkeypatch):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Callable, Sequence
+from typing import Any, Callable, Sequence
 
 import numpy as np
 import rospy
@@ -43,6 +43,29 @@ class Minibatches:
     beams: np.ndarray  # [P, M, 3] m, x and y relative to the survey origin
 
 
+class PersistentService:
+    """A service of the core over one connection, which is made anew after a call that failed."""
+
+    def __init__(self, name: str, service_class: type) -> None:
+        self._name = name
+        self._service_class = service_class
+        self._proxy: rospy.ServiceProxy | None = None
+
+    def __call__(self, *request: Any) -> Any:
+        """The response; raises whatever keeps it from coming."""
+        try:
+            if self._proxy is None:
+                # Connecting blindly to a core that has gone logs a traceback for every attempt.
+                rospy.wait_for_service(self._name, timeout=BACK_OFF_S[1])
+                self._proxy = rospy.ServiceProxy(self._name, self._service_class, persistent=True)
+            return self._proxy(*request)
+        except Exception:
+            proxy, self._proxy = self._proxy, None
+            if proxy is not None:
+                proxy.close()
+            raise
+
+
 class MinibatchClient:
     """Asks the core for minibatches and waits for the answer; not to be shared by threads."""
 
@@ -50,16 +73,12 @@ class MinibatchClient:
         """size: beams of a minibatch; epoch: the node's own."""
         self._size = size
         self._epoch = epoch
-        self._proxy: rospy.ServiceProxy | None = None
+        self._service = PersistentService(SERVICE, GetMinibatches)
 
     def ask(self, particles: Sequence[int]) -> Minibatches | None:
         """One call; none while the core has no minibatches to give."""
         asked_epoch = self._epoch()
-        if self._proxy is None:
-            # Connecting blindly to a core that has gone logs a traceback for every attempt.
-            rospy.wait_for_service(SERVICE, timeout=BACK_OFF_S[1])
-            self._proxy = rospy.ServiceProxy(SERVICE, GetMinibatches, persistent=True)
-        response: GetMinibatchesResponse = self._proxy(particles, self._size)
+        response: GetMinibatchesResponse = self._service(particles, self._size)
         if not response.success:
             rospy.loginfo_throttle(WARNING_PERIOD_S, "waiting for beams: %s", response.message)
             return None
@@ -71,12 +90,6 @@ class MinibatchClient:
             beams_in_log=response.beams_in_log,
             beams=unpack("beams", response.beams, shape),
         )
-
-    def disconnect(self) -> None:
-        """After a call that failed: the next one connects anew."""
-        proxy, self._proxy = self._proxy, None
-        if proxy is not None:
-            proxy.close()
 
 
 class MinibatchFeed:
@@ -154,7 +167,6 @@ class MinibatchFeed:
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "minibatches refused: %s", error)
                 rounds = []
             except Exception as error:  # whatever it is: without this thread training would end
-                self._client.disconnect()
                 if self._stopped.is_set() or rospy.is_shutdown():
                     return
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "no minibatches: %s", error)
@@ -196,7 +208,10 @@ class BeamReader:
     """Asks the core and waits for the answer; not to be shared by threads."""
 
     def __init__(self) -> None:
-        self._proxies: dict[str, rospy.ServiceProxy] = {}
+        self._services = {
+            BEAMS_SERVICE: PersistentService(BEAMS_SERVICE, GetBeams),
+            SERVICE: PersistentService(SERVICE, GetMinibatches),
+        }
 
     def read(self, particles: Sequence[int], first: Sequence[int], size: int) -> Beams | None:
         """Up to `size` beams for each particle, from its own `first` of the log on."""
@@ -205,7 +220,7 @@ class BeamReader:
             beams = unpack("beams", response.beams, (sum(response.counts), 3))
             return np.split(beams, np.cumsum(response.counts)[:-1])
 
-        return self._call(BEAMS_SERVICE, GetBeams, parts, list(particles), list(first), size)
+        return self._call(BEAMS_SERVICE, parts, list(particles), list(first), size)
 
     def sample(self, particle: int, size: int) -> Beams | None:
         """`size` beams, drawn from the whole log."""
@@ -213,21 +228,13 @@ class BeamReader:
         def parts(response: GetMinibatchesResponse) -> list[np.ndarray]:
             return [unpack("beams", response.beams, (size, 3))]
 
-        return self._call(SERVICE, GetMinibatches, parts, [particle], size)
+        return self._call(SERVICE, parts, [particle], size)
 
-    def _call(
-        self, name: str, service_class: type, parts: Callable, *request: object
-    ) -> Beams | None:
+    def _call(self, name: str, parts: Callable, *request: object) -> Beams | None:
         """The response's beams; none, with a warning, if the core is not there or refuses."""
         try:
-            if name not in self._proxies:
-                rospy.wait_for_service(name, timeout=BACK_OFF_S[1])
-                self._proxies[name] = rospy.ServiceProxy(name, service_class, persistent=True)
-            response = self._proxies[name](*request)
+            response = self._services[name](*request)
         except Exception as error:  # whatever it is: training goes on
-            proxy = self._proxies.pop(name, None)
-            if proxy is not None:
-                proxy.close()
             rospy.logwarn_throttle(WARNING_PERIOD_S, "no beams from %s: %s", name, error)
             return None
         if not response.success:

@@ -20,6 +20,7 @@ from rbpf_svgp_slam.ros.core_client import (
     WARNING_PERIOD_S,
     MinibatchClient,
     Minibatches,
+    PersistentService,
 )
 from rbpf_svgp_slam.srv import TakeTurn
 
@@ -52,7 +53,7 @@ class TurnFeed:
         self._turn = 0  # number of the last turn
         self._states: queue.SimpleQueue[MapStatus] = queue.SimpleQueue()
         self._rounds: queue.SimpleQueue[int] = queue.SimpleQueue()
-        self._proxy: rospy.ServiceProxy | None = None
+        self._service = PersistentService(SERVICE, TakeTurn)
         self._stopped = threading.Event()
         # A thread, since the call lasts as long as the replay is busy.
         threading.Thread(target=self._run, name="turns", daemon=True).start()
@@ -87,7 +88,6 @@ class TurnFeed:
         try:
             reply = self._client.ask(particles)
         except Exception as error:  # whatever it is: the replay waits for the end of this turn
-            self._client.disconnect()
             rospy.logwarn_throttle(WARNING_PERIOD_S, "no minibatches: %s", error)
             reply = None
         if reply is None:
@@ -109,18 +109,12 @@ class TurnFeed:
     def _take_turn(self, status: MapStatus) -> int | None:
         """Rounds of the next turn, which may be long in coming; none if the call fails."""
         try:
-            if self._proxy is None:
-                rospy.wait_for_service(SERVICE, timeout=BACK_OFF_S[1])
-                self._proxy = rospy.ServiceProxy(SERVICE, TakeTurn, persistent=True)
-            response = self._proxy(status, self._turn)
+            response = self._service(status, self._turn)
             if response.success:
                 self._turn = response.turn
                 return response.rounds
             rospy.logwarn_throttle(WARNING_PERIOD_S, "no turn: %s", response.message)
         except Exception as error:  # whatever it is: without this thread the replay would stand
-            proxy, self._proxy = self._proxy, None
-            if proxy is not None:
-                proxy.close()
             if rospy.is_shutdown():
                 return None
             if not isinstance(error, rospy.ServiceException):  # as at the replay's end
