@@ -40,6 +40,15 @@ fi
 echo "Building (a few minutes the first time, seconds after that) ..."
 cmake --build build --parallel "$(nproc)" >build/build.log 2>&1 || { cat build/build.log; exit 1; }
 
+# What evaluation and figures need and Debian does not have; where setup.bash lets python find it.
+packages_dir=build/devel/lib/python3/dist-packages
+if ! cmp -s tools/requirements.txt "$packages_dir/requirements.txt"; then
+  echo "Installing tools/requirements.txt ..."
+  python3 -m pip install --quiet --disable-pip-version-check --root-user-action ignore \
+    --no-deps --upgrade --target "$packages_dir" -r tools/requirements.txt
+  cp tools/requirements.txt "$packages_dir/requirements.txt"
+fi
+
 # A virtual environment with what a file of requirements asks for, made anew when that changes.
 #   environment FOLDER REQUIREMENTS [OPTION OF venv ...]
 environment() {

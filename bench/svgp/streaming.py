@@ -16,6 +16,8 @@ import yaml
 
 from bench.ros_session import cpu_s, master, running, simulated_survey, wait_until
 from bench.svgp.two_nodes import NODES, Status
+from rbpf_svgp_slam.evaluation import place_beams
+from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.polygon import survey_origin
 from rbpf_svgp_slam.ros.core_client import BeamReader
 from rbpf_svgp_slam.ros.survey_client import fetch_map, fetch_survey
@@ -113,7 +115,7 @@ def _probe(particle: int, status: Status, origin_m: np.ndarray) -> Probe | None:
     """None if a resampling came in between."""
     epoch = status.core.epoch
     try:
-        engine = fetch_map(particle, epoch, PARTICLES, NODES)
+        engine = load_map("svgp", fetch_map(particle, epoch, PARTICLES, NODES))
         beams, reply_epoch = _all_beams(particle)
         survey = fetch_survey()
     except (RuntimeError, rospy.ServiceException):
@@ -122,7 +124,8 @@ def _probe(particle: int, status: Status, origin_m: np.ndarray) -> Probe | None:
         return None
     mapped = survey.stamp_s < survey.stamp_s[-1] - HOLD_BACK_S - MARGIN_S
     chosen = (survey.held_out & mapped)[survey.ping_of_beam]
-    points = survey.place(survey.estimate)[chosen] - [*origin_m, 0.0]
+    placed = place_beams(survey.levelled, survey.ping_of_beam, survey.estimate)
+    points = placed[chosen] - [*origin_m, 0.0]
     return Probe(
         beams_in_log=len(beams),
         behind=len(beams) - engine.next_beam,

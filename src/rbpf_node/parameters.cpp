@@ -105,6 +105,7 @@ Parameters loadParameters(const ros::NodeHandle& node) {
   params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
   params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
+  reader.number("output/time_lapse_period_s", 0.0, kUnlimited);  // for the recorder alone
   if (params.nodes > params.filter.particles) {
     ParameterReader::fail(
         "nodes", std::to_string(params.nodes),

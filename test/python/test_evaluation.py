@@ -1,5 +1,6 @@
 """Evaluation against closed forms, brute force, and a made-up survey with known errors."""
 
+import dataclasses
 import itertools
 import json
 import re
@@ -123,9 +124,7 @@ def make_run(seed=0):
         estimate_std_m=0.05 + np.abs(wander[:, :2]) * 0.5 + 0.2 * phase,
         dead_reckoning=truth + drift,
         ground_truth=truth,
-        beams=place(truth + wander, offsets_m, z).astype(np.float32),
-        beams_dead_reckoning=place(truth + drift, offsets_m, z).astype(np.float32),
-        beams_ground_truth=place(truth, offsets_m, z).astype(np.float32),
+        levelled=np.column_stack([np.zeros(len(z)), np.tile(offsets_m, len(truth)), z]),
         ping_of_beam=np.repeat(np.arange(len(truth)), len(offsets_m)),
         held_out=np.arange(len(truth)) % 10 == 5,
         map=make_map(),
@@ -420,7 +419,8 @@ def test_run_folder_is_complete(run, folder):
     out_dir, _ = folder
     names = {path.name for path in out_dir.iterdir()}
     tracks = {"trajectory.tum", "dead_reckoning.tum", "ground_truth.tum"}
-    assert names == tracks | {"report.json", "report.html", "map.npz"}
+    data = {"map.npz", "survey.npz", "history.npz", "parameters.yaml"}
+    assert names == tracks | data | {"report.json", "report.html"}
     with np.load(out_dir / "map.npz") as saved:
         for name in ("x", "y", "mean", "variance"):
             np.testing.assert_array_equal(saved[name], getattr(run.map, name))
@@ -447,11 +447,11 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
 
 
 def without(run, **changes):
-    return SurveyRun(**{**vars(run), **changes})
+    return dataclasses.replace(run, **changes)
 
 
 def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
-    blind = without(run, ground_truth=None, beams_ground_truth=None, terrain=None)
+    blind = without(run, ground_truth=None, terrain=None)
     (tmp_path / "ground_truth.tum").write_text("of an earlier run")
     report = write_run(blind, tmp_path)
     for name in ("ate_rmse_m", "dr_ate_rmse_m", "final_error_m", "dr_final_error_m"):
@@ -499,9 +499,7 @@ def test_a_survey_without_beams_is_reported(run, tmp_path, pings):
     empty = without(
         run,
         **few,
-        beams=none,
-        beams_dead_reckoning=none,
-        beams_ground_truth=none,
+        levelled=none,
         ping_of_beam=np.empty(0, dtype=int),
         statistics={},
         status_history={},
@@ -514,9 +512,9 @@ def test_a_survey_without_beams_is_reported(run, tmp_path, pings):
 
 
 def test_beams_that_are_not_finite_are_left_out_and_counted(run):
-    beams = run.beams.copy()
-    beams[:7] = np.nan
-    report = evaluate(without(run, beams=beams)).report
+    levelled = run.levelled.copy()
+    levelled[:7] = np.nan
+    report = evaluate(without(run, levelled=levelled)).report
     assert any(note.startswith("7 beams are not finite") for note in report["notes"])
     assert report["map_rmse_m"] is not None
 

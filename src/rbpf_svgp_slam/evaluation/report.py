@@ -13,8 +13,9 @@ import numpy as np
 from . import page
 from .consistency import Consistency, ConsistencySettings, consistency, split_passes
 from .map_metrics import HeldOutScores, grid_on, predict_in_chunks, rmse, score_held_out, terrain_at
+from .run_files import save_run
 from .survey_run import SurveyRun
-from .trajectory import ate_rmse, final_error, write_tum
+from .trajectory import ate_rmse, final_error
 
 _COUNTERS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s "
@@ -37,18 +38,15 @@ def write_run(
 ) -> dict[str, Any]:
     """Write the run folder `out_dir` and return the report, which report.json holds."""
     out_dir = Path(out_dir)
-    out_dir.mkdir(parents=True, exist_ok=True)
-    write_tum(out_dir / "trajectory.tum", run.stamp_s, run.estimate)
-    write_tum(out_dir / "dead_reckoning.tum", run.stamp_s, run.dead_reckoning)
-    # An earlier run's ground truth must not stay beside a run that has none.
-    (out_dir / "ground_truth.tum").unlink(missing_ok=True)
-    if run.ground_truth is not None:
-        write_tum(out_dir / "ground_truth.tum", run.stamp_s, run.ground_truth)
-    variance = np.full_like(run.map.mean, np.nan) if run.map.variance is None else run.map.variance
-    np.savez_compressed(
-        out_dir / "map.npz", x=run.map.x, y=run.map.y, mean=run.map.mean, variance=variance
-    )
-    # After the data, so that these are safe whatever happens here.
+    # Before the metrics, so that the data are safe whatever happens there.
+    save_run(run, out_dir)
+    return write_report(run, out_dir, settings)
+
+
+def write_report(
+    run: SurveyRun, out_dir: Path, settings: ConsistencySettings = ConsistencySettings()
+) -> dict[str, Any]:
+    """Write report.json and report.html into a run folder and return the report."""
     evaluation = evaluate(run, settings)
     text = json.dumps(evaluation.report, indent=2, allow_nan=False)
     (out_dir / "report.json").write_text(text + "\n", encoding="utf-8")
@@ -87,7 +85,7 @@ def json_ready(value: Any) -> Any:
 
 
 def _counters(run: SurveyRun, notes: list[str]) -> dict[str, Any]:
-    known = {"pings": len(run.stamp_s), "beams": len(run.beams), **run.statistics}
+    known = {"pings": len(run.stamp_s), "beams": len(run.levelled), **run.statistics}
     if len(run.stamp_s):
         known.setdefault("duration_s", run.stamp_s[-1] - run.stamp_s[0])
     counters = {name: known.get(name) for name in _COUNTERS}

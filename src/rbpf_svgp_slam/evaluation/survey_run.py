@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Callable
 
 import numpy as np
@@ -27,42 +28,64 @@ class GridMap:
 
 
 @dataclass
-class SurveyRun:
-    """One run of the filter over one survey. Poses: [x y z roll pitch yaw], m and rad, map frame.
+class StoredMap:
+    """A particle's whole map as its engine wrote it, to be asked anywhere, at any time."""
 
-    The same beams appear three times, placed with three trajectories, in the same order.
-    """
+    engine: str  # map/engine
+    state: bytes
+    origin_m: np.ndarray  # [2] survey origin, frame map: what the engine's positions count from
+
+
+@dataclass
+class TimeLapse:
+    """One particle's map at K instants of the survey, on a coarse grid."""
+
+    t_s: np.ndarray  # [K] stamps
+    x: np.ndarray  # [nx]
+    y: np.ndarray  # [ny]
+    mean: np.ndarray  # [K, nx, ny] m
+    variance: np.ndarray  # [K, nx, ny] of the latent depth, m²
+    prior_variance: np.ndarray  # [K] of the latent depth far from all beams, m²
+
+    def __post_init__(self) -> None:
+        frames, grid = len(self.t_s), (len(self.x), len(self.y))
+        _check_shape("time lapse's mean", self.mean, (frames, *grid))
+        _check_shape("time lapse's variance", self.variance, (frames, *grid))
+        _check_shape("time lapse's prior_variance", self.prior_variance, (frames,))
+
+
+@dataclass
+class SurveyRun:
+    """One run of the filter over one survey. Poses: [x y z roll pitch yaw], m, rad, map frame."""
 
     stamp_s: np.ndarray  # [P] ping stamps
     estimate: np.ndarray  # [P, 6] weighted mean of the particles' histories
     dead_reckoning: np.ndarray  # [P, 6]
-    beams: np.ndarray  # [N, 3] placed with the estimate
-    beams_dead_reckoning: np.ndarray  # [N, 3]
+    levelled: np.ndarray  # [N, 3] beams: x, y in the levelled body frame, z in map, m
     ping_of_beam: np.ndarray  # [N] index into the pings
     held_out: np.ndarray  # [P] bool, pings that no map was ever trained on
     map: GridMap
     predict: Predict  # xy [n, 2] to the latent mean [n] and variance [n], noise not included
     noise_variance_m2: float  # the map's learned σ²
     inducing_points: np.ndarray  # [S, 3]
+    stored_map: StoredMap | None = None  # what `predict` asks
     estimate_std_m: np.ndarray | None = None  # [P, 2] spread of the particles in x, y
     ground_truth: np.ndarray | None = None  # [P, 6], NaN rows where not covered
-    beams_ground_truth: np.ndarray | None = None  # [N, 3]
     terrain: GridMap | None = None  # the true seabed, if it was simulated
     statistics: dict[str, Any] = field(default_factory=dict)  # counters, go into report.json
     status_history: dict[str, np.ndarray] = field(default_factory=dict)  # series over `t_s`
+    time_lapse: TimeLapse | None = None
     config: dict[str, Any] = field(default_factory=dict)  # the full parameter set
 
     def __post_init__(self) -> None:
-        pings, beams = len(self.stamp_s), len(self.beams)
+        pings, beams = len(self.stamp_s), len(self.levelled)
         expected = {
             "stamp_s": (pings,),
             "estimate": (pings, 6),
             "estimate_std_m": (pings, 2),
             "dead_reckoning": (pings, 6),
             "ground_truth": (pings, 6),
-            "beams": (beams, 3),
-            "beams_dead_reckoning": (beams, 3),
-            "beams_ground_truth": (beams, 3),
+            "levelled": (beams, 3),
             "ping_of_beam": (beams,),
             "held_out": (pings,),
         }
@@ -71,6 +94,35 @@ class SurveyRun:
                 _check_shape(name, getattr(self, name), shape)
         if beams and not 0 <= self.ping_of_beam.min() <= self.ping_of_beam.max() < pings:
             raise ValueError(f"ping_of_beam: expected indices into {pings} pings")
+
+    # The same beams, placed in map with three trajectories, [N, 3].
+
+    @cached_property
+    def beams(self) -> np.ndarray:
+        """Placed with the estimate."""
+        return self._placed(self.estimate)
+
+    @cached_property
+    def beams_dead_reckoning(self) -> np.ndarray:
+        """Placed with dead reckoning."""
+        return self._placed(self.dead_reckoning)
+
+    @cached_property
+    def beams_ground_truth(self) -> np.ndarray | None:
+        """Placed where they really were; NaN where that is not known."""
+        return None if self.ground_truth is None else self._placed(self.ground_truth)
+
+    def _placed(self, poses: np.ndarray) -> np.ndarray:
+        return place_beams(self.levelled, self.ping_of_beam, poses)
+
+
+def place_beams(levelled: np.ndarray, ping_of_beam: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Beams [N, 3] in map from levelled ones, with the pings at poses [P, 6]."""
+    x, y, yaw = (poses[ping_of_beam, i] for i in (0, 1, 5))
+    forward, left, z = levelled.T
+    cos_yaw, sin_yaw = np.cos(yaw), np.sin(yaw)
+    placed = [x + cos_yaw * forward - sin_yaw * left, y + sin_yaw * forward + cos_yaw * left, z]
+    return np.stack(placed, axis=-1)
 
 
 def _check_shape(name: str, array: np.ndarray, expected: tuple[int, ...]) -> None:

@@ -17,9 +17,11 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from rbpf_svgp_slam.evaluation import summarise, write_run
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.ros.history import History
 from rbpf_svgp_slam.ros.parameters import GROUP
 from rbpf_svgp_slam.ros.replay import OfflineReplay, PlayedBag, ProgressLine
 from rbpf_svgp_slam.ros.run_folder import assemble_run
+from rbpf_svgp_slam.ros.time_lapse import TimeLapseRecorder
 
 POLL_S = 0.1
 PATH_PERIOD_S = 1.0
@@ -40,6 +42,8 @@ class Recorder:
         self.ground_truth: list[tuple[float, ...]] = []  # stamp x y z roll pitch yaw
         self.statuses: list[FilterStatus] = []
         self.map_statuses: dict[int, MapStatus] = {}
+        self.history = History()
+        self.time_lapse = TimeLapseRecorder(self.parameters)
         self.wall_s = 0.0  # that the survey took, once it is over
         self._started_s: float | None = None  # wall clock, at the first odometry
         nodes = range(self.parameters["nodes"])
@@ -94,7 +98,10 @@ class Recorder:
         while not rospy.is_shutdown() and not self._saving:
             time.sleep(POLL_S)  # wall time: the bag's clock stands still once it is over
             self._publish_path()
-            if source is None or not self.statuses:
+            if not self.statuses:
+                continue
+            self.time_lapse.advance(self.statuses[-1])
+            if source is None:
                 continue
             if isinstance(source, PlayedBag):
                 progress.show(source.share_played(self.statuses[-1]), self.statuses[-1])
@@ -144,10 +151,12 @@ class Recorder:
         if status.odometry_messages and self._started_s is None:
             self._started_s = time.monotonic()
         self.statuses.append(status)
+        self.history.on_status(status)
         self._heard[CORE] += 1
 
     def _on_map_status(self, status: MapStatus) -> None:
         self.map_statuses[status.node] = status
+        self.history.on_map_status(status)
         self._heard[f"svgp_node_{status.node}"] += 1
 
     def _on_save(self, _: Trigger) -> TriggerResponse:

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import rospy
 
-from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses, write_tum
+from rbpf_svgp_slam.evaluation import (
+    GridMap,
+    StoredMap,
+    SurveyRun,
+    engine_predictor,
+    interpolate_poses,
+    load_terrain,
+    write_tum,
+)
+from rbpf_svgp_slam.evaluation.map_metrics import predict_in_chunks
+from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.polygon import inside, survey_origin
 from rbpf_svgp_slam.ros.survey_client import fetch_map, fetch_survey
@@ -18,8 +28,6 @@ if TYPE_CHECKING:
     from rbpf_svgp_slam.ros.recorder import Recorder
     from rbpf_svgp_slam.ros.replay import OfflineReplay, PlayedBag
 
-GRID_CHUNK = 20000  # positions predicted at a time
-
 
 def assemble_run(recorder: Recorder, source: PlayedBag | OfflineReplay | None) -> SurveyRun:
     """Fetch the survey and the best particle's map, and evaluate the map on its grid."""
@@ -27,16 +35,13 @@ def assemble_run(recorder: Recorder, source: PlayedBag | OfflineReplay | None) -
     parameters = recorder.parameters
     survey = fetch_survey()
     _save_trajectories(recorder.out_dir, survey)
-    engine = fetch_map(
-        status.best_particle, status.epoch, parameters["particles"], parameters["nodes"]
+    stored = StoredMap(
+        parameters["map"]["engine"],
+        fetch_map(status.best_particle, status.epoch, parameters["particles"], parameters["nodes"]),
+        survey_origin(parameters["survey_area"]),
     )
-    origin = survey_origin(parameters["survey_area"])
-
-    def predict(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        parts = np.array_split(xy - origin, 1 + len(xy) // GRID_CHUNK)
-        mean, variance = zip(*(engine.predict(part) for part in parts))
-        return np.concatenate(mean), np.concatenate(variance)
-
+    engine = load_map(stored.engine, stored.state)
+    predict = engine_predictor(engine, stored.origin_m)
     truth = None
     if recorder.ground_truth:
         track = np.asarray(sorted(recorder.ground_truth))
@@ -47,18 +52,18 @@ def assemble_run(recorder: Recorder, source: PlayedBag | OfflineReplay | None) -
         estimate_std_m=survey.estimate_std_m,
         dead_reckoning=survey.dead_reckoning,
         ground_truth=truth,
-        beams=survey.place(survey.estimate),
-        beams_dead_reckoning=survey.place(survey.dead_reckoning),
-        beams_ground_truth=None if truth is None else survey.place(truth),
+        levelled=survey.levelled,
         ping_of_beam=survey.ping_of_beam,
         held_out=survey.held_out,
         map=_grid(parameters["survey_area"], parameters["map"]["resolution_m"], predict),
         predict=predict,
         noise_variance_m2=engine.noise_variance_m2,
-        inducing_points=engine.support_points() + np.append(origin, 0.0),
-        terrain=_terrain(recorder.terrain_file),
+        inducing_points=engine.support_points() + np.append(stored.origin_m, 0.0),
+        stored_map=stored,
+        terrain=load_terrain(recorder.terrain_file) if recorder.terrain_file else None,
         statistics=_statistics(recorder, survey, source),
-        status_history=_history(recorder.statuses),
+        status_history=recorder.history.series(),
+        time_lapse=recorder.time_lapse.frames(),
         config=parameters,
     )
 
@@ -76,18 +81,8 @@ def _grid(area: list, resolution_m: float, predict: Any) -> GridMap:
     points = grid_points(x, y)
     within = inside(points, np.asarray(area, dtype=float))
     mean, variance = np.full((2, len(points)), np.nan)
-    mean[within], variance[within] = predict(points[within])
+    mean[within], variance[within] = predict_in_chunks(predict, points[within])
     return GridMap(x, y, mean.reshape(len(x), len(y)), variance.reshape(len(x), len(y)))
-
-
-def _terrain(path: str) -> GridMap | None:
-    """The true seabed beside a simulated bag."""
-    if not path or not Path(path).is_file():
-        return None
-    with np.load(path) as file:
-        z, resolution_m, origin_m = file["z"], float(file["resolution_m"]), file["origin_m"]
-    x, y = (origin_m[i] + resolution_m * np.arange(z.shape[i]) for i in range(2))
-    return GridMap(x, y, z.astype(float))
 
 
 def _statistics(recorder: Recorder, survey: Any, source: Any) -> dict[str, Any]:
@@ -100,6 +95,7 @@ def _statistics(recorder: Recorder, survey: Any, source: Any) -> dict[str, Any]:
         "particles": status.particles,
         "nodes": status.nodes,
         "seed": recorder.parameters["seed"],
+        "terrain": recorder.terrain_file or None,
         "pings": int(status.pings),
         "pings_dropped": dropped,
         "beams": len(survey.levelled),
@@ -120,22 +116,3 @@ def _median(statuses: list[FilterStatus], field: str, count: str) -> float:
     """Of what a status says of the latest of something that it counts; NaN if there was none."""
     values = {getattr(status, count): getattr(status, field) for status in statuses}
     return float(np.median([values[n] for n in values if n > 0] or [np.nan]))
-
-
-def _history(statuses: list) -> dict[str, np.ndarray]:
-    series = {
-        "n_eff": "n_eff",
-        "iterations_total": "iterations",
-        "ready_maps": "maps_ready",
-        "loop_closure_prompts": "prompts",
-        "resamplings": "epoch",
-        "tau": "tempering",
-        "overlap": "overlap",
-    }
-    live = [status for status in statuses if status.odometry_messages]
-    history = {
-        name: np.array([getattr(status, field) for status in live], dtype=float)
-        for name, field in series.items()
-    }
-    history["t_s"] = np.array([status.header.stamp.to_sec() for status in live])
-    return history

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import rospy
 
-from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.ros.map_store import share
 from rbpf_svgp_slam.srv import GetMaps, GetPings
 
@@ -28,16 +27,6 @@ class Survey:
     held_out: np.ndarray  # [P] bool
     ping_of_beam: np.ndarray  # [N]
     levelled: np.ndarray  # [N, 3] x, y in the levelled body frame, z in map, m
-
-    def place(self, poses: np.ndarray) -> np.ndarray:
-        """Beams [N, 3] in map, with the pings at poses [P, 6]."""
-        x, y, yaw = (poses[self.ping_of_beam, i] for i in (0, 1, 5))
-        forward, left, z = self.levelled.T
-        cos_yaw, sin_yaw = np.cos(yaw), np.sin(yaw)
-        return np.stack(
-            [x + cos_yaw * forward - sin_yaw * left, y + sin_yaw * forward + cos_yaw * left, z],
-            axis=-1,
-        )
 
 
 def fetch_survey() -> Survey:
@@ -68,11 +57,11 @@ def fetch_survey() -> Survey:
     )
 
 
-def fetch_map(particle: int, epoch: int, particles: int, nodes: int):
-    """The engine object of one particle's map. Raises RuntimeError if its node refuses."""
+def fetch_map(particle: int, epoch: int, particles: int, nodes: int) -> bytes:
+    """One particle's map as its engine writes it. Raises RuntimeError if its node refuses."""
     owner = next(k for k in range(nodes) if particle in share(particles, nodes, k))
     service = f"svgp_node_{owner}/get_maps"
     answer = rospy.ServiceProxy(service, GetMaps)(epoch=epoch, particles=[particle])
     if not answer.success:
         raise RuntimeError(f"{service} refused: {answer.message}")
-    return load_map(answer.engine, answer.maps)
+    return answer.maps

@@ -1,12 +1,12 @@
 """The missions: what is surveyed, with which vehicle and sonar, and the lines to follow.
 
-From the paper's experiments (Torroba et al. 2023, Table 1): lolo3's area of 250 m x 150 m,
-hugin1's 8 million beams, and the beam rate of the largest survey, 12.4 million beams in 2.25 h =
-1,530 beams/s, which hugin1's 512 beams at 3 Hz follow. All else is ours: values usual for the
-two vehicles (Lolo, a 1-2 m/s research AUV; Hugin, a 2 m/s survey AUV), and the pattern: lines
-along x, crossing lines along y over all of them, and the way back to the start, so that the
-seabed is seen more than once. `demo` is wholly ours: simulated in seconds, over relief and with
-drift that make correcting worthwhile.
+hugin1, lolo2 and lolo3 are for the paper's three experiments (Torroba et al. 2023, Table 1). The
+paper's are hugin1's 8.08 million beams in 4.45 h, lolo2's 12.4 million in 2.25 h, and lolo3's area
+of 250 m x 150 m. All else is ours: values usual for the two vehicles (Lolo, a 1-2 m/s research AUV;
+Hugin, a 2 m/s survey AUV), areas that take that long, ping rates that give that many beams, and the
+pattern: lines along x, crossing lines along y over all of them, and the way back to the start, so
+that the seabed is seen more than once. `demo` is wholly ours: simulated in seconds, over relief and
+with drift that make correcting worthwhile.
 """
 
 import dataclasses
@@ -83,14 +83,14 @@ MISSIONS = {
         ),
         Mission(
             name="lolo2",
-            area_m=(350.0, 150.0),
+            area_m=(545.0, 330.0),
             inset_m=15.0,
             line_spacing_m=20.0,
-            crossing_spacing_m=40.0,
+            crossing_spacing_m=65.0,
             speed_mps=1.5,
             altitude_m=14.0,
             beams=256,
-            ping_rate_hz=4.0,
+            ping_rate_hz=6.0,
             swath_rad=120 * _DEGREE,
             max_range_m=32.0,
             terrain_resolution_m=0.5,
@@ -115,14 +115,14 @@ MISSIONS = {
         ),
         Mission(
             name="hugin1",
-            area_m=(960.0, 580.0),
+            area_m=(1590.0, 1000.0),
             inset_m=50.0,
             line_spacing_m=60.0,
-            crossing_spacing_m=430.0,
+            crossing_spacing_m=500.0,
             speed_mps=2.0,
             altitude_m=38.0,
             beams=512,
-            ping_rate_hz=3.0,
+            ping_rate_hz=0.985,
             swath_rad=120 * _DEGREE,
             max_range_m=85.0,
             terrain_resolution_m=1.0,
