@@ -8,6 +8,7 @@ setup(
         packages=[
             "rbpf_svgp_slam",
             "rbpf_svgp_slam.evaluation",
+            "rbpf_svgp_slam.experiments",
             "rbpf_svgp_slam.maps",
             "rbpf_svgp_slam.ros",
             "rbpf_svgp_slam.survey",

@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 from typing import Any, Iterator
 
-from bench import machine, section
+from bench import section
 from bench.paths import ROOT
-from rbpf_svgp_slam import cpu
+from rbpf_svgp_slam import cpu, machine
 
 #: Modules with run(out: Path) -> dict by the section's name. What they return goes into bench.json
 #: under the name's first part.

@@ -1,0 +1,156 @@
+"""Simulates an experiment's survey and runs the filter on it, once for each configuration."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Iterator
+
+import rosbag
+import yaml
+
+from rbpf_svgp_slam import machine
+from rbpf_svgp_slam.experiments import ExperimentError
+from rbpf_svgp_slam.experiments.load import busy_core
+from rbpf_svgp_slam.experiments.plan import Configuration, Experiment, Options, run_parameters
+from rbpf_svgp_slam.experiments.resources import Monitor
+
+PACKAGE = "rbpf_svgp_slam"
+RESOURCE_PERIOD_S = 5.0
+SETTINGS, RESOURCES = "settings.json", "resources.npz"
+
+
+def run_experiment(plan: Experiment, options: Options, out_dir: Path) -> list[Path]:
+    """Do what is still to be done in out_dir; returns the run folders.
+
+    A run with the same settings that has its report is left as it is: an experiment that was
+    interrupted goes on where it was.
+    """
+    rows = _chosen(plan, options.only)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    bag = _simulate(plan, options, out_dir)
+    survey = yaml.safe_load(bag.with_suffix(".survey.yaml").read_text())
+    duration_s = _duration_s(bag)
+    folders = []
+    for row in rows:
+        folder = out_dir / row.name
+        parameters = run_parameters(plan, row, options, survey, duration_s)
+        settings = _settings(plan, row, options, parameters)
+        if _is_done(folder, settings):
+            print(f"{plan.name} {row.name}: already there", flush=True)
+        else:
+            _run(plan, row, options, bag, folder, settings)
+        folders.append(folder)
+    return folders
+
+
+def _chosen(plan: Experiment, only: tuple[str, ...]) -> list[Configuration]:
+    known = {row.name: row for row in plan.configurations}
+    for name in only:
+        if name not in known:
+            raise ExperimentError(f"configuration is '{name}', expected one of {', '.join(known)}")
+    return [row for name, row in known.items() if not only or name in only]
+
+
+def _simulate(plan: Experiment, options: Options, out_dir: Path) -> Path:
+    """The survey's bag, with what the simulator writes beside it."""
+    bag = out_dir / "survey.bag"
+    command = ["rosrun", PACKAGE, "simulate_survey.py", "--mission", plan.mission]
+    command += ["--scale", str(options.scale), "--seed", str(options.seed), "--out", str(bag)]
+    note = out_dir / "survey.txt"  # written last, so that half a bag is made again
+    text = " ".join(command)
+    if not note.is_file() or note.read_text() != text:
+        note.unlink(missing_ok=True)
+        if subprocess.run(command).returncode:
+            raise ExperimentError(f"simulating failed: {text}")
+        note.write_text(text)
+    return bag
+
+
+def _duration_s(path: Path) -> float:
+    with rosbag.Bag(str(path)) as bag:
+        return bag.get_end_time() - bag.get_start_time()
+
+
+def _settings(
+    plan: Experiment, row: Configuration, options: Options, parameters: dict[str, Any]
+) -> dict[str, Any]:
+    """What a run is determined by."""
+    return {
+        "experiment": plan.name,
+        "mission": plan.mission,
+        "scale": options.scale,
+        "seed": options.seed,
+        "live_rate": options.rate if plan.live else None,
+        "other_load": plan.other_load,
+        "parameters": parameters,
+    }
+
+
+def _is_done(folder: Path, settings: dict[str, Any]) -> bool:
+    file = folder / SETTINGS
+    if not file.is_file() or not (folder / "report.json").is_file():
+        return False
+    return json.loads(file.read_text())["settings"] == settings
+
+
+def _run(
+    plan: Experiment,
+    row: Configuration,
+    options: Options,
+    bag: Path,
+    folder: Path,
+    settings: dict[str, Any],
+) -> None:
+    """One launch, to its end."""
+    print(f"{plan.name} {row.name}: running, output in {folder}/launch.log", flush=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in (SETTINGS, RESOURCES, "report.json"):
+        (folder / name).unlink(missing_ok=True)
+    config = folder / "config.yaml"
+    config.write_text(yaml.safe_dump(settings["parameters"]))
+    command = ["roslaunch", "--no-summary", PACKAGE]
+    command += ["replay.launch", f"rate:={options.rate}"] if plan.live else ["offline.launch"]
+    command += [f"bag:={bag}", f"config:={config}", f"out:={folder}"]
+    command += [f"terrain:={bag.with_suffix('.terrain.npz')}"]
+    started_s = time.monotonic()
+    with busy_core(plan.other_load), _launched(command, folder / "launch.log") as process:
+        monitor = Monitor(process.pid, RESOURCE_PERIOD_S)
+        status = process.wait()
+        monitor.stop().save(folder / RESOURCES)
+    if status or not (folder / "report.json").is_file():
+        raise ExperimentError(f"{row.name} ended without a report; see {folder}/launch.log")
+    facts = {
+        "settings": settings,
+        "command": command,
+        "commit": _commit(),
+        "machine": machine.describe(),
+        "launch_s": time.monotonic() - started_s,
+    }
+    (folder / SETTINGS).write_text(json.dumps(facts, indent=2) + "\n")
+
+
+@contextmanager
+def _launched(command: list[str], log: Path) -> Iterator[subprocess.Popen]:
+    """roslaunch; interrupted, not killed, if need be: it must take its nodes with it."""
+    with log.open("w") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            process.wait()
+
+
+def _commit() -> str:
+    """Of the source tree, if it is one under git."""
+    here = Path(os.path.realpath(__file__)).parent
+    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=10"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else "unknown"
