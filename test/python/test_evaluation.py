@@ -366,6 +366,25 @@ def test_consistency_is_thinned_as_the_settings_say():
     assert result.points_per_cell_and_pass < 2
 
 
+@pytest.mark.parametrize("error_m", [0.0, 0.2])
+def test_consistency_of_map_and_beams_is_the_maps_error(run, error_m):
+    # One beam a square metre at most has no neighbour that could be nearer than the map below it.
+    z = seabed(run.beams[:, :2])
+    few = np.random.default_rng(0).permutation(len(z))[:500]
+    sparse = without(
+        run,
+        levelled=np.column_stack([run.levelled[few, :2], z[few]]),
+        ping_of_beam=run.ping_of_beam[few],
+        predict=lambda xy: (seabed(xy) + error_m, np.full(len(xy), 0.01)),
+    )
+    found = evaluate(sparse).report["map_consistency_rmse_m"]
+    if error_m == 0.0:
+        # Cells without error do not count, and roundings are no more than that.
+        assert found is None or found < ROUNDING_M
+    else:
+        assert found == pytest.approx(error_m, rel=0.05)
+
+
 def test_passes_are_the_lines_of_a_lawn_mower_with_their_turns():
     poses = lawn_mower(lines=6)
     wobble = np.deg2rad(10) * np.sin(np.arange(len(poses)))

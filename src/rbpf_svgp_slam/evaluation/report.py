@@ -30,7 +30,7 @@ class Evaluation:
 
     report: dict[str, Any]
     held_out: HeldOutScores | None
-    consistencies: dict[str, Consistency]  # by trajectory
+    consistencies: dict[str, Consistency]  # by trajectory, and of the map with the beams
 
 
 def write_run(
@@ -207,9 +207,23 @@ def _consistencies(
         for name, beams in placed.items()
         if beams is not None
     }
+    results["map"] = _map_consistency(run, settings)
     if results["estimate"].rms_m is None:
         notes.append("no cell is seen by two passes: the survey's consistency is unknown")
     return results
+
+
+def _map_consistency(run: SurveyRun, settings: ConsistencySettings) -> Consistency:
+    """Of two clouds in place of the passes: the beams, and the map's mean at their positions.
+
+    Both have the same horizontal positions, so that a map without error is at distance zero.
+    """
+    beams = run.beams[np.isfinite(run.beams).all(axis=1)]
+    rng = np.random.default_rng(settings.seed)
+    beams = rng.permutation(beams)[: settings.max_beams // 2]
+    mean, _ = predict_in_chunks(run.predict, beams[:, :2])
+    clouds = np.concatenate([beams, np.column_stack([beams[:, :2], mean])])
+    return consistency(clouds, np.repeat([0, 1], len(beams)), settings, rng)
 
 
 def _consistency_metrics(
@@ -220,6 +234,7 @@ def _consistency_metrics(
         "consistency_rmse_m": results["estimate"].rms_m,
         "dr_consistency_rmse_m": results["dead_reckoning"].rms_m,
         "ground_truth_consistency_rmse_m": truth.rms_m if truth else None,
+        "map_consistency_rmse_m": results["map"].rms_m,
         "overlap_consistency_rmse_m": results["estimate"].overlap_rms_m,
         "dr_overlap_consistency_rmse_m": results["dead_reckoning"].overlap_rms_m,
         "ground_truth_overlap_consistency_rmse_m": truth.overlap_rms_m if truth else None,

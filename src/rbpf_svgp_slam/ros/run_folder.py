@@ -21,6 +21,7 @@ from rbpf_svgp_slam.evaluation.map_metrics import predict_in_chunks
 from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.polygon import inside, survey_origin
+from rbpf_svgp_slam.ros.map_sample import sampled_map_rmse
 from rbpf_svgp_slam.ros.survey_client import fetch_map, fetch_survey
 from rbpf_svgp_slam.ros.survey_grid import cell_centres, grid_points
 
@@ -46,7 +47,7 @@ def assemble_run(recorder: Recorder, source: PlayedBag | OfflineReplay | None) -
     if recorder.ground_truth:
         track = np.asarray(sorted(recorder.ground_truth))
         truth = interpolate_poses(track[:, 0], track[:, 1:], survey.stamp_s)
-    return SurveyRun(
+    run = SurveyRun(
         stamp_s=survey.stamp_s,
         estimate=survey.estimate,
         estimate_std_m=survey.estimate_std_m,
@@ -66,6 +67,8 @@ def assemble_run(recorder: Recorder, source: PlayedBag | OfflineReplay | None) -
         time_lapse=recorder.time_lapse.frames(),
         config=parameters,
     )
+    run.statistics["sampled_map_rmse_m"] = sampled_map_rmse(run, status)
+    return run
 
 
 def _save_trajectories(out_dir: Path, survey: Any) -> None:
@@ -108,6 +111,8 @@ def _statistics(recorder: Recorder, survey: Any, source: Any) -> dict[str, Any]:
         "bytes_moved": int(status.bytes_moved),
         "prompt_s_median": _median(recorder.statuses, "prompt_s", "prompts"),
         "resampling_s_median": _median(recorder.statuses, "resampling_s", "epoch"),
+        "ping_age_p99_s": status.ping_age_p99_s,
+        "ping_age_max_s": status.ping_age_max_s,
         "peak_rss_mb": sum(peaks_mb),
     }
 
