@@ -1,7 +1,11 @@
 """The map nodes of one host, with a master that is a dictionary and nodes that do nothing."""
 
+import signal
 import subprocess
+import sys
+import time
 
+import psutil
 import pytest
 
 from rbpf_svgp_slam.ros import node_group
@@ -80,3 +84,41 @@ def test_a_host_starts_all_nodes_or_some():
 def test_a_share_of_nodes_that_does_not_exist_is_refused(first, count, message):
     with pytest.raises(ParameterError, match=message):
         share_of_host(first, count, 3)
+
+
+STUBBORN = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+STUBBORN += "print('begun', flush=True)\nwhile True: time.sleep(1)"
+
+
+def test_stubborn_nodes_are_killed_within_one_patience(monkeypatch):
+    monkeypatch.setattr(node_group, "PATIENCE_S", 0.5)
+    command = [sys.executable, "-c", STUBBORN]
+    nodes = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(4)]
+    for node in nodes:
+        node.stdout.readline()
+    started_s = time.monotonic()
+    node_group._stop(nodes)
+    # one patience for each would be 2 s; a busy machine may take some tenths to start the kills
+    assert time.monotonic() - started_s < 1.5
+    for node in nodes:
+        assert node.wait(5.0) == -signal.SIGKILL
+        node.stdout.close()
+
+
+def test_nodes_do_not_outlive_a_group_that_is_killed():
+    group = "import subprocess, sys, time; from rbpf_svgp_slam.ros import node_group\n"
+    group += f"node = subprocess.Popen([sys.executable, '-c', {STUBBORN!r}],"
+    group += " preexec_fn=node_group._end_with_parent)\n"
+    group += "print(node.pid, flush=True); time.sleep(60)"
+    parent = subprocess.Popen([sys.executable, "-c", group], stdout=subprocess.PIPE, text=True)
+    lines = sorted(parent.stdout.readline().strip() for _ in range(2))
+    assert lines[1] == "begun"
+    node = psutil.Process(int(lines[0]))
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    try:
+        # an orphan goes to init, which may take its time to bury it
+        assert node.wait(10.0) is None or node.status() == psutil.STATUS_ZOMBIE
+    except psutil.TimeoutExpired:
+        assert node.status() == psutil.STATUS_ZOMBIE

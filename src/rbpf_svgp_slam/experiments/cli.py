@@ -10,9 +10,10 @@ from typing import Any, Sequence
 import yaml
 
 from rbpf_svgp_slam.experiments import ExperimentError
+from rbpf_svgp_slam.experiments.figures import draw_experiment
 from rbpf_svgp_slam.experiments.plan import Options, experiment
 from rbpf_svgp_slam.experiments.runner import run_experiment
-from rbpf_svgp_slam.experiments.summary import write_summary
+from rbpf_svgp_slam.experiments.summary import read_rows, write_summary
 
 _DESCRIPTION = """Carry out one of the three experiments of Torroba et al. (2023) on a simulated
 survey: exp1 mapping only, exp2 live beside another load, exp3 SLAM. DIR gets the survey, a run
@@ -35,7 +36,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         out_dir = arguments.out.resolve()
         folders = run_experiment(plan, options, out_dir)
-        print(write_summary(plan, folders, out_dir))
+        rows = read_rows(plan, folders)
+        print(write_summary(plan, rows, draw_experiment(plan, rows, out_dir), out_dir))
     except (ExperimentError, OSError, ValueError) as error:
         print(f"experiment.py: error: {error}", file=sys.stderr)
         return 2

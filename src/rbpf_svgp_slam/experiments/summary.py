@@ -77,11 +77,11 @@ def write_summary(plan: Experiment, rows: list[Row], figures: list[Path], out_di
         f"seed {first['settings']['seed']}, {speed}. {machine['cores']} cores of {machine['cpu']}, "
         f"{machine['memory_gb']:g} GB; commit {first['commit']}.",
         "",
-        *_table([""] + [_title(row.configuration) for row in rows], _metrics(rows)),
+        *_table([""] + [title(row.configuration) for row in rows], _metrics(rows)),
         "",
         "Processors kept busy (mean), and resident memory (largest), of this machine:",
         "",
-        *_table([""] + [_title(row.configuration) for row in rows], _resources(rows)),
+        *_table([""] + [title(row.configuration) for row in rows], _resources(rows)),
         "",
     ]
     lines += [f"![{path.stem}]({path.relative_to(out_dir)})" for path in figures]
@@ -90,7 +90,8 @@ def write_summary(plan: Experiment, rows: list[Row], figures: list[Path], out_di
     return summary
 
 
-def _title(configuration: Configuration) -> str:
+def title(configuration: Configuration) -> str:
+    """Of a column or a curve."""
     return f"J = {configuration.particles}, B = {configuration.nodes}"
 
 

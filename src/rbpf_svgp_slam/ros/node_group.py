@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ctypes
 import itertools
 import signal
 import socket
@@ -19,26 +20,34 @@ from rbpf_svgp_slam.ros.map_node_start import load_parameters
 from rbpf_svgp_slam.ros.parameters import GROUP, ParameterError
 
 POLL_S = 0.5
-PATIENCE_S = 5.0  # for a node to end after SIGINT, before it is killed
+# For all nodes together to end after SIGINT, before they are killed: roslaunch gives us 15 s after
+# its own, and only 2 s more after SIGTERM.
+PATIENCE_S = 5.0
 CORE = "rbpf_core"
 NOTICE_S = 3.0  # of waiting for the core, after which we say so
 # For the master and for nodes on other hosts; one that has been switched off never answers.
 ANSWER_S = 5.0
 ALL = "all"
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 
 
 def start_map_nodes(arguments: Sequence[str]) -> int | str:
     """Run this host's map nodes until one ends or we are told to; returns what sys.exit() takes."""
     options = _parse(arguments)
-    # roslaunch stops a node by SIGINT, then SIGTERM: both must reach the children
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # roslaunch stops a node by SIGINT, then SIGTERM: both must reach the children, SIGINT also where
+    # a script in the background has had it ignored
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     socket.setdefaulttimeout(ANSWER_S)
     children: dict[int, subprocess.Popen] = {}
     try:
         _wait_for_core()
         indices = share_of_host(options.first, options.count, load_parameters().nodes)
         _check_not_running(indices)
-        children.update((index, subprocess.Popen(_command(index))) for index in indices)
+        children.update(
+            (index, subprocess.Popen(_command(index), preexec_fn=_end_with_parent))
+            for index in indices
+        )
         return f"svgp_nodes: {_watch(children)}"
     except ParameterError as error:
         return f"svgp_nodes: {error}"
@@ -150,12 +159,18 @@ def _command(index: int) -> list[str]:
     return [str(script), f"__name:=svgp_node_{index}", f"_index:={index}"]
 
 
+def _end_with_parent() -> None:
+    """In a child, before its program: it ends when we do, even if we are killed."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 def _stop(children: Collection[subprocess.Popen]) -> None:
     for child in children:
         if child.poll() is None:
             child.send_signal(signal.SIGINT)
+    end_s = time.monotonic() + PATIENCE_S
     for child in children:
         try:
-            child.wait(PATIENCE_S)
+            child.wait(max(0.0, end_s - time.monotonic()))
         except subprocess.TimeoutExpired:
             child.kill()

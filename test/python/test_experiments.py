@@ -1,0 +1,261 @@
+"""The paper's experiments: what is planned, what is measured on the way, what is written."""
+
+import json
+import math
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import yaml
+
+from rbpf_svgp_slam.experiments import ExperimentError, cli, plan, runner, summary
+from rbpf_svgp_slam.experiments.figures import resource_figure, smoothed
+from rbpf_svgp_slam.experiments.load import busy_core
+from rbpf_svgp_slam.experiments.resources import Monitor, Usage, group_of
+from rbpf_svgp_slam.survey.mission import MISSIONS
+
+SURVEY = {"survey_area": [[0, 0], [9, 0], [9, 9]], "motion": {"surge_std_m": 0.1}}
+# Prints a line once it has begun, so that a test does not measure python's start.
+BUSY = "print('begun', flush=True)\nwhile True: pass"
+
+
+def parameters(name, row, **options):
+    experiment = plan.experiment(name)
+    rows = {row.name: row for row in experiment.configurations}
+    return plan.run_parameters(experiment, rows[row], plan.Options(**options), SURVEY, 1000.0)
+
+
+def test_the_papers_rows_are_there_with_its_numbers():
+    rows = {row.name: row.paper for row in plan.experiment("exp1").configurations if row.paper}
+    assert rows == {
+        "J1_B1": {"iterations_per_particle": 202_327, "consistency_rmse_m": 1.636},
+        "J10_B1": {"iterations_per_particle": 21_425, "consistency_rmse_m": 1.709},
+        "J10_B10": {"iterations_per_particle": 39_373, "consistency_rmse_m": 1.712},
+        "J100_B10": {"iterations_per_particle": 3_714, "consistency_rmse_m": 1.995},
+    }
+    (live,) = plan.experiment("exp2").configurations
+    assert (live.name, live.paper) == ("J80_B8", {"iterations_per_particle": 2_965})
+    assert [row.name for row in plan.experiment("exp3").configurations] == ["J100_B10"]
+
+
+@pytest.mark.parametrize("cores", [1, 2, 10, 64])
+def test_there_is_a_row_with_as_many_nodes_as_cores(cores):
+    rows = plan._mapping_rows(cores)
+    assert (100, min(cores, 100)) in {(row.particles, row.nodes) for row in rows}
+    assert all(row.nodes <= row.particles for row in rows)
+    assert len({row.name for row in rows}) == len(rows)
+    assert sum(bool(row.paper) for row in rows) == 4
+
+
+@pytest.mark.parametrize("name", ["exp1", "exp2", "exp3"])
+def test_every_mission_exists_and_is_the_experiments_own(name):
+    experiment = plan.experiment(name)
+    assert experiment.mission.endswith(name[-1]) and experiment.mission in MISSIONS
+    assert experiment.figures_of in [row.name for row in experiment.configurations]
+
+
+def test_mapping_has_no_motion_noise_whatever_the_survey_says():
+    merged = parameters("exp1", "J10_B1", seed=7)
+    assert merged["motion"] == {"surge_std_m": 0.0, "sway_std_m": 0.0, "yaw_std_rad": 0.0}
+    assert merged["lc"]["rate_hz"] == 0.0
+    assert merged["survey_area"] == SURVEY["survey_area"]
+    assert (merged["particles"], merged["nodes"], merged["seed"]) == (10, 1, 7)
+    assert merged["svgp"]["inducing_points"] == 400
+    assert parameters("exp3", "J100_B10")["motion"] == SURVEY["motion"]
+
+
+def test_adam_gets_the_papers_steps_and_teachers_their_own():
+    # steps of all maps over 1,000 s of survey
+    adam = parameters("exp1", "J10_B1", optimizer="adam", scale=0.1)["offline"]
+    assert adam["steps_per_second"] * 1000.0 / 10 == pytest.approx(2142.5)
+    for row, nodes in (("J10_B1", 1), ("J100_B10", 10)):
+        streaming = parameters("exp1", row)["offline"]["steps_per_second"]
+        assert streaming / nodes == plan.experiment("exp1").teacher_steps_per_s
+
+
+def test_the_users_overlay_is_on_top_and_leaves_the_rest():
+    merged = parameters("exp3", "J100_B10", overlay={"svgp": {"inducing_points": 64}, "seed": 3})
+    assert merged["svgp"]["inducing_points"] == 64 and merged["seed"] == 3
+    assert merged["svgp"]["minibatch_size"] == 1000
+
+
+def test_merging_does_not_change_what_is_merged():
+    base = {"svgp": {"a": 1}}
+    assert plan.merged(base, {"svgp": {"b": 2}}) == {"svgp": {"a": 1, "b": 2}}
+    assert base == {"svgp": {"a": 1}}
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["exp4"], "experiment is 'exp4', expected one of exp1, exp2, exp3"),
+        (["exp1", "--only", "J7_B7"], "configuration is 'J7_B7', expected one of J1_B1"),
+        (["exp1", "--config", "no.yaml"], "no.yaml"),
+        (["exp1", "--only", "J1_B1", "--scale", "-1"], "simulating failed"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(arguments, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(
+        runner.subprocess, "run", lambda *_, **__: subprocess.CompletedProcess([], 2)
+    )
+    assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1
+
+
+def test_an_overlay_that_is_no_set_of_parameters_is_named(tmp_path, capsys):
+    for text in ("- 1\n", "a: [\n"):
+        path = tmp_path / "mine.yaml"
+        path.write_text(text)
+        assert cli.main(["exp1", "--config", str(path), "--out", str(tmp_path)]) == 2
+        assert "mine.yaml" in capsys.readouterr().err
+
+
+def test_a_run_is_done_only_if_its_settings_are_the_same(tmp_path):
+    settings = json.loads(json.dumps({"scale": 1.0, "parameters": {"seed": 1}}))
+    assert not runner._is_done(tmp_path, settings)
+    (tmp_path / runner.SETTINGS).write_text(json.dumps({"settings": settings, "commit": "abc"}))
+    assert not runner._is_done(tmp_path, settings)  # no report
+    (tmp_path / "report.json").write_text("{}")
+    assert runner._is_done(tmp_path, settings)
+    assert not runner._is_done(tmp_path, {**settings, "scale": 0.5})
+
+
+# --- resources and the other load
+
+
+@pytest.mark.parametrize(
+    "command, group",
+    [
+        (["/x/lib/rbpf_svgp_slam/rbpf_core_node", "__name:=rbpf_core"], "rbpf_core"),
+        (["/x/rbpf_offline", "__name:=rbpf_core"], "rbpf_core"),
+        (["python3", "/x/svgp_nodes.py", "__name:=svgp_nodes"], "map nodes"),
+        (["python3", "/x/svgp_node.py", "__name:=svgp_node_3"], "map nodes"),
+        (["python3", "/x/survey_recorder.py"], "recorder"),
+        (["/opt/ros/lib/rosbag/play", "--quiet"], "player"),
+        (["python3", "/usr/bin/rosmaster"], "ROS"),
+    ],
+)
+def test_processes_are_told_apart(command, group):
+    assert group_of(command) == group
+
+
+def test_the_monitor_sees_children_and_what_they_use():
+    parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {BUSY!r}])"
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        monitor = Monitor(process.pid, 0.2)
+        time.sleep(2.0)
+        usage = monitor.stop()
+        for child in psutil_children(process.pid):
+            child.kill()
+        process.wait()
+    assert len(usage.wall_s) >= 2 and np.all(np.diff(usage.wall_s) > 0)
+    # One child that never rests has at most one core; how much of it, the machine's load decides.
+    assert 0.0 < usage.cores["ROS"].mean() <= 1.2
+    # An interpreter takes some megabytes.
+    assert 2.0 < usage.rss_mb["ROS"].max() < 200.0
+
+
+def psutil_children(pid):
+    import psutil
+
+    return psutil.Process(pid).children(recursive=True)
+
+
+def test_usage_is_read_back(tmp_path):
+    usage = Usage(np.arange(3.0), {"map nodes": np.ones(3)}, {"map nodes": np.full(3, 250.0)})
+    usage.save(tmp_path / "resources.npz")
+    again = Usage.load(tmp_path / "resources.npz")
+    np.testing.assert_array_equal(again.wall_s, usage.wall_s)
+    assert list(again.cores) == list(again.rss_mb) == ["map nodes"]
+    np.testing.assert_array_equal(again.rss_mb["map nodes"], 250.0)
+
+
+def test_the_other_load_is_busy_for_its_share():
+    import psutil
+
+    with busy_core(0.5):
+        (child,) = [c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())]
+        time.sleep(1.5)  # its start
+        before, start_s = child.cpu_times(), time.monotonic()
+        time.sleep(4.0)
+        after, elapsed_s = child.cpu_times(), time.monotonic() - start_s
+    share = (after.user + after.system - before.user - before.system) / elapsed_s
+    # Never more than its half, but for a period cut in two; less where others want the core, too.
+    assert 0.05 < share < 0.65
+    assert not child.is_running()
+    with busy_core(0.0):
+        assert not [c for c in psutil.Process().children() if "spawn_main" in str(c.cmdline())]
+
+
+def test_smoothing_keeps_a_constant_to_its_ends():
+    np.testing.assert_allclose(smoothed(np.full(40, 3.0)), 3.0)
+    assert len(smoothed(np.ones(3))) == 3
+
+
+def test_the_resource_figure_has_all_groups():
+    series = {name: np.ones(20) for name in ("map nodes", "rbpf_core")}
+    figure = resource_figure(Usage(np.arange(20.0), series, series))
+    labels = {text.get_text() for text in figure.axes[0].get_legend().get_texts()}
+    assert labels == {"map nodes", "rbpf_core"}
+    assert [axes.get_ylabel() for axes in figure.axes] == ["cores busy", "resident memory (GB)"]
+
+
+# --- summary
+
+
+def finished(tmp_path, row, **report):
+    folder = tmp_path / row.name
+    folder.mkdir()
+    (folder / "report.json").write_text(json.dumps(report))
+    machine = {"cores": 2, "cpu": "Some CPU", "memory_gb": 24.0}
+    facts = {"settings": {"scale": 1.0, "seed": 1}, "machine": machine, "commit": "abc123"}
+    (folder / runner.SETTINGS).write_text(json.dumps(facts))
+    nodes = {"map nodes": np.array([1.0, 2.0])}
+    Usage(np.arange(2.0), nodes, {"map nodes": np.array([300.0, 400.0])}).save(
+        folder / runner.RESOURCES
+    )
+    return folder
+
+
+def test_the_summary_has_the_papers_numbers_below_ours(tmp_path):
+    experiment = plan.experiment("exp1")
+    paper = [row for row in experiment.configurations if row.paper][:2]
+    reports = [
+        {"iterations_per_particle": 8000.0, "map_rmse_m": 0.5, "sampled_map_rmse_m": {"mean": 0.4}},
+        {"iterations_per_particle": 900.0, "map_rmse_m": None, "sampled_map_rmse_m": None},
+    ]
+    folders = [finished(tmp_path, row, **report) for row, report in zip(paper, reports)]
+    rows = summary.read_rows(experiment, folders)
+    figure = tmp_path / "figures" / "elbo.png"
+    text = summary.write_summary(experiment, rows, [figure], tmp_path).read_text()
+    assert "| steps per particle | 8\u202f000 | 900 |" in text
+    assert "| *the paper's steps per particle* | 202\u202f327 | 21\u202f425 |" in text
+    assert "| map RMSE at held-out beams, m | 0.5 | – |" in text
+    assert "| the same, mean of 10 particles' maps | 0.4 | – |" in text
+    assert "| map nodes | 1.50, 400 MB | 1.50, 400 MB |" in text
+    assert "abc123" in text and "Some CPU" in text
+    assert "![elbo](figures/elbo.png)" in text
+    # what no run has is left out
+    assert "ATE" not in text
+
+
+def test_shipped_parameters_accept_every_experiments_names():
+    """An experiment that sets a parameter that does not exist would stop the start."""
+    import rospkg
+
+    package = rospkg.RosPack().get_path("rbpf_svgp_slam")
+    with open(f"{package}/config/default.yaml", encoding="utf-8") as file:
+        known = yaml.safe_load(file)
+    for name in ("exp1", "exp2", "exp3"):
+        experiment = plan.experiment(name)
+        for row in experiment.configurations:
+            merged = parameters(name, row.name)
+            for group, value in merged.items():
+                assert group in known
+                if isinstance(value, dict):
+                    assert set(value) <= set(known[group])
+            assert math.isfinite(merged["offline"]["steps_per_second"])
