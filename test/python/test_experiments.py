@@ -7,10 +7,12 @@ import sys
 import time
 
 import numpy as np
+import psutil
 import pytest
+import rospkg
 import yaml
 
-from rbpf_svgp_slam.experiments import ExperimentError, cli, plan, runner, summary
+from rbpf_svgp_slam.experiments import cli, plan, runner, summary
 from rbpf_svgp_slam.experiments.figures import resource_figure, smoothed
 from rbpf_svgp_slam.experiments.load import busy_core
 from rbpf_svgp_slam.experiments.resources import Monitor, Usage, group_of
@@ -149,7 +151,7 @@ def test_the_monitor_sees_children_and_what_they_use():
         monitor = Monitor(process.pid, 0.2)
         time.sleep(2.0)
         usage = monitor.stop()
-        for child in psutil_children(process.pid):
+        for child in psutil.Process(process.pid).children(recursive=True):
             child.kill()
         process.wait()
     assert len(usage.wall_s) >= 2 and np.all(np.diff(usage.wall_s) > 0)
@@ -157,12 +159,6 @@ def test_the_monitor_sees_children_and_what_they_use():
     assert 0.0 < usage.cores["ROS"].mean() <= 1.2
     # An interpreter takes some megabytes.
     assert 2.0 < usage.rss_mb["ROS"].max() < 200.0
-
-
-def psutil_children(pid):
-    import psutil
-
-    return psutil.Process(pid).children(recursive=True)
 
 
 def test_usage_is_read_back(tmp_path):
@@ -175,8 +171,6 @@ def test_usage_is_read_back(tmp_path):
 
 
 def test_the_other_load_is_busy_for_its_share():
-    import psutil
-
     with busy_core(0.5):
         (child,) = [c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())]
         time.sleep(1.5)  # its start
@@ -245,8 +239,6 @@ def test_the_summary_has_the_papers_numbers_below_ours(tmp_path):
 
 def test_shipped_parameters_accept_every_experiments_names():
     """An experiment that sets a parameter that does not exist would stop the start."""
-    import rospkg
-
     package = rospkg.RosPack().get_path("rbpf_svgp_slam")
     with open(f"{package}/config/default.yaml", encoding="utf-8") as file:
         known = yaml.safe_load(file)

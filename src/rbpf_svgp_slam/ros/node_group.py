@@ -34,8 +34,8 @@ PR_SET_PDEATHSIG = 1  # of prctl(2)
 def start_map_nodes(arguments: Sequence[str]) -> int | str:
     """Run this host's map nodes until one ends or we are told to; returns what sys.exit() takes."""
     options = _parse(arguments)
-    # roslaunch stops a node by SIGINT, then SIGTERM: both must reach the children, SIGINT also where
-    # a script in the background has had it ignored
+    # roslaunch stops a node by SIGINT, then SIGTERM: both must reach the children, SIGINT also
+    # where a script in the background has had it ignored
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     socket.setdefaulttimeout(ANSWER_S)
