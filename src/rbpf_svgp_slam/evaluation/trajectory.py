@@ -135,7 +135,7 @@ def rpe_rmse(poses: np.ndarray, truth: np.ndarray, frames: int | None) -> float 
 
 
 def _motion(poses: np.ndarray, first: np.ndarray, frames: int) -> np.ndarray:
-    """Translations [n, 3] in m of P_i⁻¹ P_{i+frames}, in the body frame of pose i, i = first [n]."""
+    """Translations [n, 3] in m of P_i⁻¹ P_{i+frames}, seen from pose i, for i in first [n]."""
     step = poses[first + frames, :3] - poses[first, :3]
     return _rotations(poses[first]).inv().apply(step)
 
