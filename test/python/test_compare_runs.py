@@ -118,6 +118,8 @@ def test_a_setting_that_one_run_does_not_have_differs(folders, tmp_path, capsys)
 
 def test_runs_of_different_surveys_are_warned_of(folders, tmp_path, capsys):
     assert "Warning" not in table(folders, capsys)[1]
+    # Trajectories alone: no beams, perhaps of the same survey.
+    assert "Warning" not in table([*folders, make_folder(tmp_path / "tracks", beams=0)], capsys)[1]
     folders.append(make_folder(tmp_path / "third", beams=299_999))
     output = table(folders, capsys)[1]
     assert output.splitlines()[-1].startswith("Warning: these are not runs of the same survey")

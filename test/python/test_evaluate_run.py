@@ -229,8 +229,12 @@ def test_trajectories_alone_are_scored(written, tracks_only, capsys):
     for name in ("ate_rmse_m", "dr_ate_rmse_m", "rpe_rmse_m", "dr_rpe_rmse_m"):
         assert float(row(output, name)[1]) == pytest.approx(report[name], rel=1e-6)
     assert "map_rmse_m" not in output
+    assert "Note" not in output
     assert main([str(tracks_only), "--rewrite"]) == 2
     assert "survey.npz: no such file" in capsys.readouterr().err
+    # As the message proposes, so that they can be compared.
+    assert main([str(tracks_only), "--json", str(tracks_only / "report.json")]) == 0
+    assert main([str(tracks_only)]) == 0
 
 
 def test_trajectories_alone_may_have_stamps_of_their_own(tmp_path, capsys):
@@ -246,6 +250,7 @@ def test_trajectories_alone_may_have_stamps_of_their_own(tmp_path, capsys):
     assert main([str(tmp_path)]) == 0
     output = capsys.readouterr().out
     assert row(output, "ate_rmse_m")[1:] == ["2", "2"]
+    assert "ground_truth.tum" not in output
     assert "dead_reckoning.tum has poses at the stamps of 0 of 428 pings" in output
 
 

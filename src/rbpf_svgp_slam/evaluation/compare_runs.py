@@ -174,11 +174,14 @@ def _markdown(rows: list[list[str]]) -> str:
 
 
 def _survey_warning(runs: list[ComparedRun]) -> str | None:
-    """Pings and beams are the survey's: where they differ, errors are not of the same task."""
+    """Pings and beams are the survey's: where they differ, errors are not of the same task.
+
+    No beams are those of a run of which only the trajectories are there.
+    """
     differing = [
         f"{name} {', '.join(format_number(run.report.get(name)) for run in runs)}"
         for name in ("pings", "beams")
-        if len({run.report.get(name) for run in runs} - {None}) > 1
+        if len({run.report.get(name) for run in runs} - {None, 0}) > 1
     ]
     if not differing:
         return None

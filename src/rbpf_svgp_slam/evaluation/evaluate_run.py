@@ -92,7 +92,8 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments.json.write_text(text + "\n", encoding="utf-8")
     table = ScoreTable(stored, report, evo, scored_names(run))
     print(f"{arguments.folder}: {_describe(run)}\n\n{table.text()}\n")
-    for note in [*report["notes"], *_coverage_notes(run)]:
+    # Of trajectories alone the report's notes tell what everything else lacks.
+    for note in [*(report["notes"] if has_survey(run) else ()), *_coverage_notes(run)]:
         print(f"Note: {note}.")
     print(no_evo or table.verdict_on_evo())
     print(table.verdict_on_report(arguments.rewrite))
@@ -112,7 +113,7 @@ def load_folder(folder: Path, terrain: Path | None = None) -> SurveyRun:
         return _load(folder, terrain)
     # Besides the loader's own errors what numpy makes of arrays of a wrong type or shape.
     except (IndexError, KeyError, TypeError, ValueError) as error:
-        where = "" if str(folder) in str(error) else f"{folder}: "
+        where = "" if str(error).startswith(str(folder)) else f"{folder}: "
         raise ValueError(f"{where}{error}") from error
 
 
@@ -158,7 +159,10 @@ def _score(run: SurveyRun, arguments: argparse.Namespace) -> dict[str, Any]:
     if not arguments.rewrite:
         return evaluate(run).report
     if not has_survey(run):
-        raise ValueError(f"{arguments.folder}/survey.npz: no such file; --rewrite needs the survey")
+        raise ValueError(
+            f"{arguments.folder}/survey.npz: no such file; --rewrite needs the survey. "
+            f"--json {arguments.folder}/report.json writes the trajectories' metrics alone"
+        )
     return write_report(run, arguments.folder)
 
 
@@ -171,7 +175,10 @@ def _describe(run: SurveyRun) -> str:
 def _coverage_notes(run: SurveyRun) -> list[str]:
     """What the trajectories' files lack: metrics are over the other pings, in silence."""
     pings, notes = len(run.stamp_s), []
-    for name, poses in (("trajectory", run.estimate), ("dead_reckoning", run.dead_reckoning)):
+    tracks = {"trajectory": run.estimate, "dead_reckoning": run.dead_reckoning}
+    if not has_survey(run):
+        tracks["ground_truth"] = run.ground_truth
+    for name, poses in tracks.items():
         known = int(np.isfinite(poses).all(axis=1).sum())
         if known < pings:
             notes.append(f"{name}.tum has poses at the stamps of {known} of {pings} pings")
@@ -242,7 +249,7 @@ class ScoreTable:
         if self.report_differs:
             names = ", ".join(self.report_differs)
             return f"report.json: DIFFERS from the recomputation in {names} ({tolerance}).{after}"
-        count = len(self._in_report)
+        count = f"{len(self._in_report)} numbers"
         return f"report.json: agrees with the recomputation in all {count} ({tolerance}).{after}"
 
 
