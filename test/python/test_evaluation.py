@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses, read_tum
 from rbpf_svgp_slam.evaluation import evaluate, write_run, write_tum
@@ -24,7 +25,8 @@ from rbpf_svgp_slam.evaluation.report import json_ready
 CONTRACT = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s real_time_factor "
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
-    "ate_rmse_m dr_ate_rmse_m final_error_m dr_final_error_m map_rmse_m map_msll "
+    "ate_rmse_m dr_ate_rmse_m final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s "
+    "map_rmse_m map_msll "
     "consistency_rmse_m grid_rmse_m peak_rss_mb"
 ).split()
 NOISE_M = 0.1
@@ -168,6 +170,75 @@ def test_ate_counts_only_pings_with_ground_truth():
     assert trajectory.final_error(poses, truth) == pytest.approx(3.0)
     assert trajectory.ate_rmse(poses, np.full((4, 6), np.nan)) is None
     assert trajectory.final_error(poses, np.full((4, 6), np.nan)) is None
+
+
+def test_rpe_of_a_track_that_runs_too_fast_is_the_excess_over_the_interval():
+    truth, poses = np.zeros((2, 50, 6))
+    truth[:, 0], poses[:, 0] = np.arange(50) * 1.5, np.arange(50) * 1.6
+    # At any attitude, as long as both have the same.
+    for track in (truth, poses):
+        track[:, 3:] = [0.1, -0.2, 2.0]
+    assert trajectory.rpe_rmse(poses, truth, 7) == pytest.approx(0.7, abs=ROUNDING_M)
+    # Where both start does not matter.
+    assert trajectory.rpe_rmse(poses + [9, 9, 9, 0, 0, 0], truth, 7) == pytest.approx(0.7)
+
+
+def test_rpe_of_a_turned_track_is_zero_because_only_motions_count():
+    truth = lawn_mower()
+    turned = truth.copy()
+    turned[:, 0], turned[:, 1] = -truth[:, 1] + 30, truth[:, 0]
+    turned[:, 5] += np.pi / 2
+    assert trajectory.rpe_rmse(turned, truth, 40) == pytest.approx(0, abs=ROUNDING_M)
+
+
+def random_tracks(rng, pings=60):
+    """Poses and truth [P, 6] at any attitude; truth is unknown at a gap and at the end."""
+    poses, truth = rng.normal(0, 1, (2, pings, 6)) * [20, 20, 5, 0.5, 0.5, 2]
+    truth[10:14] = np.nan
+    truth[-1] = np.nan
+    return poses, truth
+
+
+def brute_force_rpe(poses, truth, frames):
+    """The definition, with 4 × 4 matrices, over the pairs whose four poses are known."""
+
+    def matrix(pose):
+        result = np.eye(4)
+        result[:3, 3] = pose[:3]
+        result[:3, :3] = Rotation.from_euler("ZYX", pose[:2:-1]).as_matrix()
+        return result
+
+    squared = []
+    for i in range(len(poses) - frames):
+        four = truth[i], truth[i + frames], poses[i], poses[i + frames]
+        if np.isfinite(four).all():
+            Q_i, Q_n, P_i, P_n = (matrix(pose) for pose in four)
+            E = np.linalg.inv(np.linalg.inv(Q_i) @ Q_n) @ np.linalg.inv(P_i) @ P_n
+            squared.append(E[:3, 3] @ E[:3, 3])
+    return np.sqrt(np.mean(squared))
+
+
+@pytest.mark.parametrize("frames", [1, 3, 58])
+def test_rpe_equals_brute_force(frames):
+    poses, truth = random_tracks(np.random.default_rng(5))
+    expected = brute_force_rpe(poses, truth, frames)
+    assert trajectory.rpe_rmse(poses, truth, frames) == pytest.approx(expected, abs=ROUNDING_M)
+
+
+@pytest.mark.parametrize("frames", [None, 59, 60, 1000])
+def test_rpe_is_unknown_where_no_pair_is_known(frames):
+    # The last ping has no truth, so that 59 pings apart there is no pair either.
+    poses, truth = random_tracks(np.random.default_rng(6))
+    assert trajectory.rpe_rmse(poses, truth, frames) is None
+
+
+def test_rpe_is_over_a_time_at_the_median_ping_period():
+    stamp_s = np.arange(20) * 0.5
+    stamp_s[10:] += 100.0  # a pause
+    assert trajectory.rpe_frames(stamp_s, 60.0) == 120
+    assert trajectory.rpe_frames(stamp_s, 0.1) == 1
+    for no_period in (np.empty(0), np.zeros(1), np.zeros(3)):
+        assert trajectory.rpe_frames(no_period, 60.0) is None
 
 
 def test_interpolation_is_linear_and_takes_yaw_the_short_way_round():
@@ -473,7 +544,8 @@ def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     blind = without(run, ground_truth=None, terrain=None)
     (tmp_path / "ground_truth.tum").write_text("of an earlier run")
     report = write_run(blind, tmp_path)
-    for name in ("ate_rmse_m", "dr_ate_rmse_m", "final_error_m", "dr_final_error_m"):
+    errors = "ate_rmse_m final_error_m rpe_rmse_m".split()
+    for name in [*errors, *(f"dr_{name}" for name in errors)]:
         assert report[name] is None
     assert report["map_rmse_m"] == folder[1]["map_rmse_m"]
     assert any("no ground truth" in note for note in report["notes"])

@@ -1,7 +1,7 @@
 """Evaluation of a finished run: metrics, figures and the run folder. Needs no ROS."""
 
 from .report import evaluate, write_report, write_run
-from .run_files import RunFolderError, engine_predictor, load_run, load_terrain
+from .run_files import RunFolderError, engine_predictor, load_run, load_terrain, load_tracks
 from .summary import summarise
 from .survey_run import GridMap, StoredMap, SurveyRun, TimeLapse, place_beams
 from .trajectory import interpolate_poses, read_tum, write_tum
@@ -17,6 +17,7 @@ __all__ = [
     "interpolate_poses",
     "load_run",
     "load_terrain",
+    "load_tracks",
     "place_beams",
     "read_tum",
     "summarise",

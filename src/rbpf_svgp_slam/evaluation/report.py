@@ -15,13 +15,14 @@ from .consistency import Consistency, ConsistencySettings, consistency, split_pa
 from .map_metrics import HeldOutScores, grid_on, predict_in_chunks, rmse, score_held_out, terrain_at
 from .run_files import save_run
 from .survey_run import SurveyRun
-from .trajectory import ate_rmse, final_error
+from .trajectory import ate_rmse, final_error, rpe_frames, rpe_rmse
 
 _COUNTERS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s "
     "iterations_total loop_closure_prompts resamplings peak_rss_mb"
 ).split()
 _INTERVAL95_SIGMAS = 1.959964  # of a Gaussian, two-sided
+_RPE_DELTA_S = 60.0  # long against the wander within one line, short against a survey
 
 
 @dataclass
@@ -117,12 +118,16 @@ def _trajectory_metrics(run: SurveyRun, notes: list[str]) -> dict[str, Any]:
         )
     ate = ate_rmse(run.estimate, truth)
     dr_ate = ate_rmse(run.dead_reckoning, truth)
+    frames = rpe_frames(run.stamp_s, _RPE_DELTA_S)
     return {
         "ate_rmse_m": ate,
         "dr_ate_rmse_m": dr_ate,
         "ate_ratio": _ratio(ate, dr_ate),
         "final_error_m": final_error(run.estimate, truth),
         "dr_final_error_m": final_error(run.dead_reckoning, truth),
+        "rpe_rmse_m": rpe_rmse(run.estimate, truth, frames),
+        "dr_rpe_rmse_m": rpe_rmse(run.dead_reckoning, truth, frames),
+        "rpe_delta_s": _RPE_DELTA_S,
     }
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,21 @@ import yaml
 from scipy.interpolate import RegularGridInterpolator
 
 from .survey_run import GridMap, Predict, StoredMap, SurveyRun, TimeLapse
-from .trajectory import read_tum, write_tum
+from .trajectory import interpolate_poses, read_tum, write_tum
 
 _TIME_LAPSE = ("t_s", "x", "y", "mean", "variance", "prior_variance")
 _STAMP_TOLERANCE_S = 1e-6  # TUM files hold nine decimals, doubles of today's stamps seven
+
+# What numpy and zipfile raise at a file that is no npz file or a damaged one.
+_READING_ERRORS = (
+    EOFError,
+    KeyError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 class RunFolderError(ValueError):
@@ -92,6 +104,38 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
     )
 
 
+def load_tracks(out_dir: str | Path) -> SurveyRun:
+    """The trajectories alone of a folder, for one that holds no survey: a run without beams or map.
+
+    trajectory.tum must be there, and its poses stand for the pings. Dead reckoning and the ground
+    truth, NaN and None where there is no such file, are interpolated to their stamps, since they
+    come at rates of their own. Raises RunFolderError or ValueError at what is missing or damaged.
+    """
+    out_dir = Path(out_dir)
+    stamp_s, estimate = _track(out_dir / "trajectory.tum")
+    others = {}
+    for name in ("dead_reckoning", "ground_truth"):
+        path = out_dir / f"{name}.tum"
+        others[name] = interpolate_poses(*_track(path), stamp_s) if path.is_file() else None
+    if others["dead_reckoning"] is None:
+        others["dead_reckoning"] = np.full((len(stamp_s), 6), np.nan)
+    report = _load_text(out_dir / "report.json", json.loads)
+    return SurveyRun(
+        stamp_s=stamp_s,
+        estimate=estimate,
+        levelled=np.empty((0, 3)),
+        ping_of_beam=np.empty(0, dtype=int),
+        held_out=np.zeros(len(stamp_s), dtype=bool),
+        map=GridMap(np.empty(0), np.empty(0), np.empty((0, 0))),
+        predict=lambda xy: (np.full(len(xy), np.nan), np.full(len(xy), np.nan)),
+        noise_variance_m2=np.nan,
+        inducing_points=np.empty((0, 3)),
+        statistics={name: value for name, value in report.items() if name != "notes"},
+        config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
+        **others,
+    )
+
+
 def engine_predictor(engine: Any, origin_m: np.ndarray) -> Predict:
     """The predictions of a map engine, at positions [n, 2] in map."""
     return lambda xy: engine.predict(xy - origin_m)
@@ -157,9 +201,7 @@ def _grid_predictor(grid: GridMap) -> Predict:
 
 def _poses(path: Path, stamp_s: np.ndarray) -> np.ndarray:
     """Poses [P, 6] of the pings, NaN where the file has none."""
-    if not path.is_file():
-        raise RunFolderError(f"{path}: no such file; expected the poses of the pings")
-    written_s, poses = read_tum(path)
+    written_s, poses = _track(path)
     result = np.full((len(stamp_s), 6), np.nan)
     if len(written_s):
         nearest = np.searchsorted(stamp_s, written_s - _STAMP_TOLERANCE_S)
@@ -167,6 +209,13 @@ def _poses(path: Path, stamp_s: np.ndarray) -> np.ndarray:
         matches = np.abs(stamp_s[nearest] - written_s) <= _STAMP_TOLERANCE_S
         result[nearest[matches]] = poses[matches]
     return result
+
+
+def _track(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps [K] and poses [K, 6] of a file."""
+    if not path.is_file():
+        raise RunFolderError(f"{path}: no such file; expected the poses of the pings")
+    return read_tum(path)
 
 
 def _load_npz(path: Path, names: tuple[str, ...] = (), optional=False) -> dict[str, np.ndarray]:
@@ -177,7 +226,7 @@ def _load_npz(path: Path, names: tuple[str, ...] = (), optional=False) -> dict[s
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except _READING_ERRORS as error:
         raise RunFolderError(f"{path}: expected an npz file ({error})") from error
     missing = [name for name in names if name not in arrays]
     if missing:

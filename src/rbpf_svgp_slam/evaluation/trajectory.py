@@ -106,5 +106,39 @@ def final_error(poses: np.ndarray, truth: np.ndarray) -> float | None:
     return float(distance[known[-1]]) if known.size else None
 
 
+def rpe_frames(stamp_s: np.ndarray, delta_s: float) -> int | None:
+    """Return how many pings make up delta_s, at least 1, by the median period of stamp_s [P].
+
+    None where that is unknown: fewer than two pings, or stamps that do not increase.
+    """
+    period_s = np.median(np.diff(stamp_s)) if len(stamp_s) > 1 else 0.0
+    return max(1, round(delta_s / period_s)) if period_s > 0 else None
+
+
+def rpe_rmse(poses: np.ndarray, truth: np.ndarray, frames: int | None) -> float | None:
+    """Relative pose error in m of poses [P, 6] against truth [P, 6]: drift over `frames` pings.
+
+    Sturm et al. (2012): the RMS of the translations of (Q_i⁻¹ Q_{i+n})⁻¹ (P_i⁻¹ P_{i+n}), with P
+    the poses, Q the truth and n = frames, over all i whose four poses are known (no NaN). None
+    where there is no such i, or where frames is None.
+    """
+    if frames is None:
+        return None
+    known = np.isfinite(poses).all(axis=1) & np.isfinite(truth).all(axis=1)
+    first = np.flatnonzero(known[:-frames] & known[frames:])
+    if not first.size:
+        return None
+    # The error's translation is R_Qᵀ (t_P − t_Q), R_Q the rotation of the true motion, which does
+    # not change its length.
+    error = _motion(poses, first, frames) - _motion(truth, first, frames)
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+
+
+def _motion(poses: np.ndarray, first: np.ndarray, frames: int) -> np.ndarray:
+    """Translations [n, 3] in m of P_i⁻¹ P_{i+frames}, seen from pose i, for i in first [n]."""
+    step = poses[first + frames, :3] - poses[first, :3]
+    return _rotations(poses[first]).inv().apply(step)
+
+
 def _rotations(poses: np.ndarray) -> Rotation:
     return Rotation.from_euler(_EULER, poses[:, 3:])

@@ -1,0 +1,34 @@
+"""The numbers of report.json by what they are, for programs that print or compare them."""
+
+#: What describes the run; of these only the first three can be told from its data.
+COUNTERS = (
+    "pings beams duration_s particles nodes seed pings_dropped wall_s real_time_factor "
+    "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
+    "peak_rss_mb"
+).split()
+FROM_DATA = tuple(COUNTERS[:3])
+
+#: Computed from the trajectories alone.
+TRAJECTORY_METRICS = (
+    "ate_rmse_m dr_ate_rmse_m ate_ratio final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m "
+    "rpe_delta_s"
+).split()
+MAP_METRICS = (
+    "map_rmse_m map_msll map_coverage grid_rmse_m grid_coverage map_rmse_on_grid_beams_m "
+    "interval95_coverage held_out_beams map_rmse_at_ground_truth_m terrain_rmse_m noise_std_m"
+).split()
+CONSISTENCY_METRICS = (
+    "consistency_rmse_m dr_consistency_rmse_m ground_truth_consistency_rmse_m "
+    "map_consistency_rmse_m "
+    "overlap_consistency_rmse_m dr_overlap_consistency_rmse_m "
+    "ground_truth_overlap_consistency_rmse_m"
+).split()
+METRICS = (*TRAJECTORY_METRICS, *MAP_METRICS, *CONSISTENCY_METRICS)
+
+#: Errors of the filter and of its map, of which the lowest is the best; not those of dead
+#: reckoning, of the ground truth or of the grid, which are what they are compared with.
+ERRORS = frozenset(
+    "ate_rmse_m ate_ratio final_error_m rpe_rmse_m map_rmse_m map_msll map_rmse_on_grid_beams_m "
+    "map_rmse_at_ground_truth_m terrain_rmse_m map_consistency_rmse_m consistency_rmse_m "
+    "overlap_consistency_rmse_m".split()
+)
