@@ -1,4 +1,4 @@
-"""The paper's experiments in small, from the command line to the summary: real nodes and masters."""
+"""The experiments in small, from the command line to the summary: real nodes, real masters."""
 
 import json
 
