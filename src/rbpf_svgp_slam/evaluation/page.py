@@ -23,10 +23,12 @@ _FOLDER = Path(__file__).parent
 _FIGURES = (
     track_figures.trajectories,
     track_figures.position_errors,
+    map_figures.raw_bathymetry,
+    map_figures.posterior,
     map_figures.seabed_maps,
+    map_figures.consistency_maps,
     map_figures.held_out_residuals,
     track_figures.filter_history,
-    map_figures.consistency_maps,
 )
 
 
@@ -64,7 +66,9 @@ def draw_figures(run: SurveyRun, evaluation: Evaluation) -> Iterator[tuple[str, 
 def to_png(figure: Figure) -> bytes:
     """Return the figure as a PNG file's bytes."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
+    # matplotlib makes ticks only now; tight, since equal axes rarely fill their figure.
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(buffer, format="png", bbox_inches="tight", pad_inches=0.08)
     return buffer.getvalue()
 
 
