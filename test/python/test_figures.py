@@ -11,7 +11,7 @@ from test_evaluation import lawn_mower, make_run, without
 
 from rbpf_svgp_slam.evaluation import GridMap, evaluate
 from rbpf_svgp_slam.evaluation import figure_style, map_figures, page
-from rbpf_svgp_slam.evaluation import track_figures
+from rbpf_svgp_slam.evaluation import track_figures, training_figures
 
 MAP_FIGURES = "trajectories raw_bathymetry posterior seabed_maps consistency_maps".split()
 
@@ -163,6 +163,46 @@ def test_position_errors_show_closures_and_resamplings(run, known):
     quiet, _ = track_figures.position_errors(without(shown, status_history={}), None)
     legend = {text.get_text() for text in quiet.axes[0].get_legend().get_texts()}
     assert not {"loop closures", "resamplings"} & legend
+
+
+# Training objective
+
+
+def test_objective_limits_show_bumps_and_cut_the_start_off():
+    objective = 0.2 + 0.02 * np.sin(np.arange(1000.0))
+    objective[:10] = np.logspace(6, 1, 10)
+    objective[500:520] = 0.3
+    low, high = training_figures.objective_limits([objective, np.array([np.nan])])
+    assert low < 0.18 and 0.22 < high < 1.0
+    calm = objective[600:]
+    low, high = training_figures.objective_limits([calm])
+    assert low < calm.min() and calm.max() < high
+    assert training_figures.objective_limits([np.array([np.nan])]) is None
+
+
+def test_elbo_is_drawn_with_its_sign_turned_and_the_beams_below(run):
+    history = {**run.status_history, "beams": np.arange(len(run.status_history["t_s"]))}
+    figure, _ = training_figures.elbo(without(run, status_history=history), None)
+    line = figure.axes[0].lines[0]
+    np.testing.assert_array_equal(line.get_ydata(), -run.status_history["elbo"])
+    minutes = (run.status_history["t_s"] - run.stamp_s[0]) / 60
+    np.testing.assert_allclose(line.get_xdata(), minutes)
+    assert "nats" in figure.axes[0].get_ylabel() and len(figure.axes) == 2
+    alone, _ = training_figures.elbo(run, None)
+    assert len(alone.axes) == 1 and alone.axes[0].get_xlabel() == "time (min)"
+    unknown = {**history, "elbo": np.full(len(history["t_s"]), np.nan)}
+    assert training_figures.elbo(without(run, status_history=unknown), None) is None
+
+
+def test_objective_curves_of_several_runs_share_one_axes():
+    minutes = np.arange(50.0)
+    curves = {f"J = {n}": (minutes, np.cos(minutes) + n) for n in (1, 10, 50, 100)}
+    figure, caption = training_figures.objective_curves(curves)
+    (axes,) = figure.axes
+    assert [line.get_label() for line in axes.lines] == list(curves)
+    assert len({line.get_color() for line in axes.lines}) == 4
+    assert "evidence lower bound" in caption
+    assert page.to_png(figure).startswith(b"\x89PNG")
 
 
 # Runs with little in them

@@ -12,7 +12,7 @@ import jinja2
 import matplotlib
 from matplotlib.figure import Figure
 
-from . import map_figures, track_figures
+from . import map_figures, track_figures, training_figures
 from .figure_style import STYLE
 from .survey_run import SurveyRun
 
@@ -28,6 +28,7 @@ _FIGURES = (
     map_figures.seabed_maps,
     map_figures.consistency_maps,
     map_figures.held_out_residuals,
+    training_figures.elbo,
     track_figures.filter_history,
 )
 
