@@ -7,18 +7,34 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
 from test_evaluation import lawn_mower, make_run, without
 
-from rbpf_svgp_slam.evaluation import GridMap, evaluate
-from rbpf_svgp_slam.evaluation import figure_style, map_figures, page
+from rbpf_svgp_slam.evaluation import GridMap, TimeLapse, evaluate, write_report
+from rbpf_svgp_slam.evaluation import figure_style, map_figures, page, time_lapse_figures
 from rbpf_svgp_slam.evaluation import track_figures, training_figures
 
-MAP_FIGURES = "trajectories raw_bathymetry posterior seabed_maps consistency_maps".split()
+MAP_FIGURES = (
+    "trajectories raw_bathymetry posterior seabed_maps consistency_maps time_lapse".split()
+)
+
+
+def make_time_lapse(run, frames=5):
+    """A map that learns the seabed from left to right; half of the prior's 2 m² where it has."""
+    x, y = run.map.x[::3], run.map.y[::3]
+    mean = np.nan_to_num(run.map.mean[::3, ::3], nan=-25.0)
+    front_m = np.linspace(x[0], x[-1], frames + 1)[1:]
+    learned = x[None, :] <= front_m[:, None]
+    variance = np.where(learned, 1.0, 2.0)[:, :, None] * np.ones(len(y))
+    t_s = np.linspace(run.stamp_s[0] + 60, run.stamp_s[-1], frames)
+    return TimeLapse(t_s, x, y, np.stack([mean] * frames), variance, np.full(frames, 2.0))
 
 
 @pytest.fixture(scope="module")
 def run():
-    return make_run()
+    run = make_run()
+    return without(run, time_lapse=make_time_lapse(run))
 
 
 @pytest.fixture(scope="module")
@@ -205,6 +221,48 @@ def test_objective_curves_of_several_runs_share_one_axes():
     assert page.to_png(figure).startswith(b"\x89PNG")
 
 
+# Time lapse
+
+
+def test_seabed_that_the_map_does_not_know_is_left_out(run):
+    lapse = run.time_lapse
+    lapse = dataclasses.replace(lapse, prior_variance=np.array([1.0, 2.0, 2.0, 2.0, 1.42]))
+    known = np.isfinite(time_lapse_figures.known_seabed(lapse))
+    # 1.0 m² is the prior's in the first frame, half of it then, and 0.704 of it in the last.
+    assert not known[0].any() and not known[4].any()
+    np.testing.assert_array_equal(known[1:4], lapse.variance[1:4] == 1.0)
+    assert known[1:4].any()
+
+
+def test_the_strip_is_evenly_spaced_in_time_and_says_when(drawn, run):
+    t_s = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(10.0, 101.0)])
+    picked = t_s[time_lapse_figures.evenly_spaced(t_s, 6)]
+    np.testing.assert_allclose(picked, [0, 20, 40, 60, 80, 100], atol=0.05)
+    minutes = (run.time_lapse.t_s - run.stamp_s[0]) / 60
+    titles = [axes.get_title(loc="left") for axes in plan_views(drawn["time_lapse"])]
+    assert titles == [f"{minute:.1f} min" for minute in minutes]
+
+
+def test_the_animation_has_every_frame_and_goes_with_the_time_lapse(run, tmp_path):
+    write_report(run, tmp_path)
+    path = tmp_path / "time_lapse.gif"
+    with Image.open(path) as gif:
+        assert gif.n_frames == len(run.time_lapse.t_s)
+        first = np.asarray(gif.convert("RGB"), dtype=float) / 255
+        gif.seek(gif.n_frames - 1)
+        last = np.asarray(gif.convert("RGB"), dtype=float) / 255
+    grey = [
+        (np.abs(frame - to_rgb(figure_style.UNKNOWN_COLOUR)).max(axis=-1) < 0.02).mean()
+        for frame in (first, last)
+    ]
+    # Four fifths of the map's pixels, which are more than half of the picture's; then none.
+    assert grey[0] > 0.3 and grey[1] < 0.05
+    assert "time_lapse.gif" in (tmp_path / "report.html").read_text()
+    write_report(without(run, time_lapse=None), tmp_path)
+    assert not path.exists()
+    assert "time_lapse.gif" not in (tmp_path / "report.html").read_text()
+
+
 # Runs with little in them
 
 
@@ -214,7 +272,7 @@ def test_one_ping_makes_figures_and_no_raw_bathymetry(run):
         for name in "stamp_s estimate estimate_std_m dead_reckoning ground_truth held_out".split()
     }
     beams = {"levelled": run.levelled[:40], "ping_of_beam": run.ping_of_beam[:40]}
-    one = without(run, **few, **beams, status_history={})
+    one = without(run, **few, **beams, status_history={}, time_lapse=None)
     figures = {name: figure for name, figure, _ in page.draw_figures(one, evaluate(one))}
     assert set(figures) == {"trajectories", "posterior", "seabed_maps"}
     assert all(page.to_png(figure) for figure in figures.values())

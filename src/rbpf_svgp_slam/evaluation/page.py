@@ -12,7 +12,7 @@ import jinja2
 import matplotlib
 from matplotlib.figure import Figure
 
-from . import map_figures, track_figures, training_figures
+from . import map_figures, time_lapse_figures, track_figures, training_figures
 from .figure_style import STYLE
 from .survey_run import SurveyRun
 
@@ -29,6 +29,7 @@ _FIGURES = (
     map_figures.consistency_maps,
     map_figures.held_out_residuals,
     training_figures.elbo,
+    time_lapse_figures.time_lapse,
     track_figures.filter_history,
 )
 
