@@ -526,10 +526,13 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
     assert figures == [
         "trajectories",
         "position_errors",
+        "raw_bathymetry",
+        "posterior",
         "seabed_maps",
-        "held_out_residuals",
-        "filter_history",
         "consistency_maps",
+        "held_out_residuals",
+        "elbo",
+        "filter_history",
     ]
     assert "svgp/kernel" in text and "matern12" in text
     # No address: base64 has no colon.
@@ -550,7 +553,7 @@ def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     assert report["map_rmse_m"] == folder[1]["map_rmse_m"]
     assert any("no ground truth" in note for note in report["notes"])
     assert not (tmp_path / "ground_truth.tum").exists()
-    assert (tmp_path / "report.html").read_text().count("<figure id=") == 6
+    assert (tmp_path / "report.html").read_text().count("<figure id=") == 9
 
 
 def test_without_held_out_pings_map_errors_are_null(run):

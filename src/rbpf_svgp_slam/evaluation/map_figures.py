@@ -1,4 +1,4 @@
-"""Figures of the seabed maps, their residuals, and the survey's consistency.
+"""Figures of the seabed: as measured, as mapped, their residuals, and the survey's consistency.
 
 Each function returns a figure and its caption, or None where the run has no data for it.
 """
@@ -8,66 +8,140 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from scipy.stats import norm
 
 from . import figure_style as style
 from .map_metrics import GRID_RESOLUTION_M, grid_on, terrain_at
 from .survey_run import GridMap, SurveyRun
-from .track_figures import Drawn
+from .track_figures import Drawn, draw_track, mark_start_and_end
 
 if TYPE_CHECKING:
     from .consistency import Consistency
     from .report import Evaluation
 
+_RAW_CELLS = 1000  # along an axis, at most
+
+
+def raw_bathymetry(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw what the sonar measured, placed by dead reckoning alone."""
+    raw = grid_of_beams(run, run.dead_reckoning, run.beams_dead_reckoning)
+    if raw is None:
+        return None
+    figure, [[axes]] = style.map_subplots(run, 1)
+    limits = style.colour_limits(raw.mean)
+    image = style.draw_grid(
+        axes, raw.x, raw.y, raw.mean, relief=True, cmap=style.DEPTH_MAP, **limits
+    )
+    style.colour_bar(image, style.DEPTH_LABEL)
+    draw_track(axes, "dead_reckoning", run.dead_reckoning)
+    if run.ground_truth is not None:
+        draw_track(axes, "ground_truth", run.ground_truth)
+    mark_start_and_end(axes, run.dead_reckoning)
+    style.map_axes(axes, "Bathymetry as measured")
+    style.legend_below(axes)
+    resolution_m = raw.x[1] - raw.x[0]
+    return figure, (
+        f"All beams placed with dead reckoning, means of cells of {resolution_m:.3g} m: where its "
+        "drift puts the same seabed at two places, relief is doubled or blurred. Shaded relief."
+    )
+
+
+def grid_of_beams(run: SurveyRun, poses: np.ndarray, beams: np.ndarray) -> GridMap | None:
+    """Return the cell means of beams [N, 3] that were placed with poses [P, 6]; None without any.
+
+    The cells are those of the map, but no finer than the pings' spacing, which would leave holes.
+    """
+    reach_m = np.hypot(*run.levelled[:, :2].T)
+    known = np.isfinite(poses[:, :2]).all(axis=1)
+    if not np.isfinite(reach_m).any() or known.sum() < 2:
+        return None
+    track = poses[known, :2]
+    # The track and a swath on all sides, so that no outlier stretches the picture.
+    margin_m = np.nanpercentile(reach_m, 99)
+    low, high = track.min(axis=0) - margin_m, track.max(axis=0) + margin_m
+    map_resolution_m = np.ptp(run.map.x[:2]) if len(run.map.x) > 1 else GRID_RESOLUTION_M
+    spacing_m = np.median(np.linalg.norm(np.diff(track, axis=0), axis=1))
+    resolution_m = max(map_resolution_m, spacing_m, (high - low).max() / _RAW_CELLS)
+    x, y = (np.arange(a, b + resolution_m, resolution_m) for a, b in zip(low, high))
+    grid = GridMap(x, y, np.empty((len(x), len(y))))
+    grid.mean = grid_on(grid, beams[np.isfinite(beams).all(axis=1)])
+    return grid
+
+
+def posterior(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw the map's posterior: its mean, and its variance with the inducing points."""
+    grid = run.map
+    if not np.isfinite(grid.mean).any():
+        return None
+    has_variance = grid.variance is not None and np.isfinite(grid.variance).any()
+    figure, panels = style.map_subplots(run, 2 if has_variance else 1)
+    limits = style.colour_limits(grid.mean)
+    depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
+    image = style.draw_grid(panels.flat[0], grid.x, grid.y, grid.mean, **depth)
+    style.colour_bar(image, style.DEPTH_LABEL)
+    style.map_axes(panels.flat[0], "Posterior mean of the map")
+    caption = "The mean of the estimated map, in shaded relief"
+    if has_variance:
+        _draw_variance(panels.flat[1], run)
+        caption += ", and the variance of its latent depth, on a logarithmic scale"
+        if len(run.inducing_points):
+            caption += f", with the {len(run.inducing_points)} inducing points (dots)"
+    return figure, caption + "."
+
+
+def _draw_variance(axes: Axes, run: SurveyRun) -> None:
+    grid = run.map
+    positive = grid.variance[np.isfinite(grid.variance) & (grid.variance > 0)]
+    limits = style.colour_limits(positive)
+    if limits["vmin"] < limits["vmax"] and limits["vmin"] > 0:
+        limits = {"norm": LogNorm(**limits)}
+    image = style.draw_grid(axes, grid.x, grid.y, grid.variance, cmap=style.SPREAD_MAP, **limits)
+    style.colour_bar(image, "variance (m²)")
+    dots = {"s": 7, "color": "white", "edgecolor": "black", "linewidth": 0.6}
+    axes.scatter(*run.inducing_points[:, :2].T, **dots)
+    axes.set_xlim(*image.get_extent()[:2])
+    axes.set_ylim(*image.get_extent()[2:])
+    points = " and inducing points" if len(run.inducing_points) else ""
+    style.map_axes(axes, f"Posterior variance{points}")
+
 
 def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw the map's mean and spread beside the grid of cell means and the true terrain."""
-    if not run.map.mean.size:
-        return None
+    """Draw the map beside the grid of cell means and the true seabed, and their differences."""
     ours = run.map
-    others = {"Cell means of the beams": grid_on(ours, run.beams)}
+    if not np.isfinite(ours.mean).any():
+        return None
+    seabeds = {"GP map": ours.mean, "cell means": grid_on(ours, run.beams)}
     if run.terrain is not None:
-        others["True seabed"] = terrain_at(run.terrain, ours)
-    columns = 1 + len(others)
-    height = 2 * (style.WIDTH_IN / columns * style.plan_aspect(run) * 0.85) + 1.5
-    figure = Figure(figsize=(style.WIDTH_IN, min(height, 11)))
-    axes = figure.subplots(2, columns, sharex=True, sharey=True, squeeze=False)
-
-    depth = {"cmap": style.DEPTH_MAP, **style.colour_limits(ours.mean, *others.values())}
-    for panel, (title, z) in zip(axes[0], {"GP map, mean": ours.mean, **others}.items()):
-        mesh = style.draw_grid(panel, ours.x, ours.y, z, **depth)
-        style.map_axes(panel, title)
-    style.colour_bar(figure, mesh, list(axes[0]), style.DEPTH_LABEL)
-
-    _draw_std(figure, axes[1, 0], run)
-    differences = {f"GP map − {name.lower()}": ours.mean - z for name, z in others.items()}
-    limits = style.colour_limits(*differences.values(), symmetric=True)
-    for panel, (title, z) in zip(axes[1, 1:], differences.items()):
-        mesh = style.draw_grid(panel, ours.x, ours.y, z, cmap=style.DIFFERENCE_MAP, **limits)
-        style.map_axes(panel, title)
-    style.colour_bar(figure, mesh, list(axes[1, 1:]), "difference (m)", location="bottom")
-    for panel in axes.flat:
-        panel.label_outer()
+        seabeds["true seabed"] = terrain_at(run.terrain, ours)
+    pairs = [("GP map", "true seabed"), ("cell means", "true seabed"), ("GP map", "cell means")]
+    differences = {
+        f"{a} − {b}": seabeds[a] - seabeds[b] for a, b in pairs if a in seabeds and b in seabeds
+    }
+    figure, panels = style.map_subplots(run, len(seabeds) + len(differences))
+    # Row by row for seabeds above their differences, column by column for seabeds beside them.
+    panels = (panels.T if panels.shape == (3, 2) else panels).ravel()
+    depth = {"cmap": style.DEPTH_MAP, **style.colour_limits(*seabeds.values())}
+    _draw_panels(panels[: len(seabeds)], ours, seabeds, style.DEPTH_LABEL, **depth)
+    # Beyond the swaths the map is a guess, whose errors would hide all others.
+    hit = np.isfinite(seabeds["cell means"])
+    limits = style.colour_limits(*(z[hit] for z in differences.values()), symmetric=True)
+    signed = {"cmap": style.DIFFERENCE_MAP, **limits}
+    _draw_panels(panels[len(seabeds) :], ours, differences, "difference (m)", **signed)
     return figure, (
-        "The map and its uncertainty with the inducing points, beside the cell means of the same "
-        "beams and the true seabed where known, on one colour scale, and the differences."
+        "The map's mean beside the cell means of the same beams and the true seabed where it is "
+        "known, on one colour scale, and their differences on another."
     )
 
 
-def _draw_std(figure: Figure, axes, run: SurveyRun) -> None:
-    grid: GridMap = run.map
-    if grid.variance is not None:
-        std = np.sqrt(grid.variance)
-        limits = style.colour_limits(std)
-        mesh = style.draw_grid(axes, grid.x, grid.y, std, cmap=style.SPREAD_MAP, **limits)
-        style.colour_bar(figure, mesh, axes, "σ (m)", location="bottom")
-    axes.scatter(
-        *run.inducing_points[:, :2].T, s=5, color="white", edgecolor="black", linewidth=0.3
-    )
-    axes.set_xlim(grid.x[0], grid.x[-1])
-    axes.set_ylim(grid.y[0], grid.y[-1])
-    style.map_axes(axes, f"GP map, std; {len(run.inducing_points)} inducing points")
+def _draw_panels(panels, grid: GridMap, layers: dict[str, np.ndarray], label: str, **scale) -> None:
+    """Draw layers [nx, ny] on one colour scale, with a bar for all beside the last."""
+    for axes, (title, z) in zip(panels, layers.items()):
+        image = style.draw_grid(axes, grid.x, grid.y, z, **scale)
+        style.map_axes(axes, title[0].upper() + title[1:])
+    style.colour_bar(image, label)
 
 
 def held_out_residuals(run: SurveyRun, evaluation: Evaluation) -> Drawn:
@@ -113,18 +187,15 @@ def consistency_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     }
     if not results:
         return None
-    height = style.WIDTH_IN / len(results) * style.plan_aspect(run) * 0.9 + 0.8
-    figure = Figure(figsize=(style.WIDTH_IN, min(height, 8)))
-    all_axes = figure.subplots(1, len(results), sharex=True, sharey=True, squeeze=False)[0]
+    figure, panels = style.map_subplots(run, len(results))
     limits = style.colour_limits(*(result.error_m for result in results.values()))
     limits["vmin"] = 0.0
     resolution_m = evaluation.report["consistency"]["resolution_m"]
-    for axes, (name, result) in zip(all_axes, results.items()):
+    for axes, (name, result) in zip(panels.flat, results.items()):
         x, y, error = _as_grid(run.map, result, resolution_m)
-        mesh = style.draw_grid(axes, x, y, error, cmap=style.ERROR_MAP, **limits)
+        image = style.draw_grid(axes, x, y, error, cmap=style.ERROR_MAP, **limits)
         style.map_axes(axes, f"{style.LABELS[name]}, RMS {result.overlap_rms_m:.3g} m")
-        axes.label_outer()
-    style.colour_bar(figure, mesh, list(all_axes), "consistency error (m)")
+    style.colour_bar(image, "consistency error (m)")
     return figure, (
         "How far apart different passes see the same seabed (Roman and Singh's consistency error), "
         f"per cell of {resolution_m:g} m that two passes or more have hit, on one colour scale."

@@ -12,7 +12,7 @@ import jinja2
 import matplotlib
 from matplotlib.figure import Figure
 
-from . import map_figures, track_figures
+from . import map_figures, time_lapse_figures, track_figures, training_figures
 from .figure_style import STYLE
 from .survey_run import SurveyRun
 
@@ -23,10 +23,14 @@ _FOLDER = Path(__file__).parent
 _FIGURES = (
     track_figures.trajectories,
     track_figures.position_errors,
+    map_figures.raw_bathymetry,
+    map_figures.posterior,
     map_figures.seabed_maps,
-    map_figures.held_out_residuals,
-    track_figures.filter_history,
     map_figures.consistency_maps,
+    map_figures.held_out_residuals,
+    training_figures.elbo,
+    time_lapse_figures.time_lapse,
+    track_figures.filter_history,
 )
 
 
@@ -64,7 +68,9 @@ def draw_figures(run: SurveyRun, evaluation: Evaluation) -> Iterator[tuple[str, 
 def to_png(figure: Figure) -> bytes:
     """Return the figure as a PNG file's bytes."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
+    # matplotlib makes ticks only now; tight, since equal axes rarely fill their figure.
+    with matplotlib.rc_context(STYLE):
+        figure.savefig(buffer, format="png", bbox_inches="tight", pad_inches=0.08)
     return buffer.getvalue()
 
 

@@ -15,6 +15,7 @@ from .consistency import Consistency, ConsistencySettings, consistency, split_pa
 from .map_metrics import HeldOutScores, grid_on, predict_in_chunks, rmse, score_held_out, terrain_at
 from .run_files import save_run
 from .survey_run import SurveyRun
+from .time_lapse_figures import write_time_lapse_gif
 from .trajectory import ate_rmse, final_error, rpe_frames, rpe_rmse
 
 _COUNTERS = (
@@ -47,12 +48,16 @@ def write_run(
 def write_report(
     run: SurveyRun, out_dir: Path, settings: ConsistencySettings = ConsistencySettings()
 ) -> dict[str, Any]:
-    """Write report.json and report.html into a run folder and return the report."""
+    """Write the report's files into a run folder and return what report.json holds.
+
+    These are report.json, report.html and, where the run has a time lapse, time_lapse.gif.
+    """
     evaluation = evaluate(run, settings)
     text = json.dumps(evaluation.report, indent=2, allow_nan=False)
     (out_dir / "report.json").write_text(text + "\n", encoding="utf-8")
     html = page.render(run, evaluation)
     (out_dir / "report.html").write_text(html, encoding="utf-8")
+    write_time_lapse_gif(run, out_dir)
     return evaluation.report
 
 

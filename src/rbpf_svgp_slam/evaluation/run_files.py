@@ -3,8 +3,8 @@
 trajectory.tum, dead_reckoning.tum, ground_truth.tum: the pings' poses; map.npz: the map on its
 grid, and the engine's own state; survey.npz: the pings' beams; history.npz: the filter's status
 over time; time_lapse.npz: one particle's map as it grew; parameters.yaml: the full parameter set.
-report.json and report.html are made of these; what only the running system knew stands in
-report.json alone.
+report.json, report.html and time_lapse.gif are made of these; what only the running system knew
+stands in report.json alone.
 """
 
 from __future__ import annotations

@@ -1,0 +1,298 @@
+"""The report's figures: what they show, in what units, and what they do without data."""
+
+import dataclasses
+import importlib.util
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
+from test_evaluation import lawn_mower, make_run, without
+
+from rbpf_svgp_slam.evaluation import GridMap, TimeLapse, evaluate, write_report
+from rbpf_svgp_slam.evaluation import figure_style, map_figures, page, time_lapse_figures
+from rbpf_svgp_slam.evaluation import track_figures, training_figures
+
+MAP_FIGURES = (
+    "trajectories raw_bathymetry posterior seabed_maps consistency_maps time_lapse".split()
+)
+
+
+def make_time_lapse(run, frames=5):
+    """A map that learns the seabed from left to right; half of the prior's 2 m² where it has."""
+    x, y = run.map.x[::3], run.map.y[::3]
+    mean = np.nan_to_num(run.map.mean[::3, ::3], nan=-25.0)
+    front_m = np.linspace(x[0], x[-1], frames + 1)[1:]
+    learned = x[None, :] <= front_m[:, None]
+    variance = np.where(learned, 1.0, 2.0)[:, :, None] * np.ones(len(y))
+    t_s = np.linspace(run.stamp_s[0] + 60, run.stamp_s[-1], frames)
+    return TimeLapse(t_s, x, y, np.stack([mean] * frames), variance, np.full(frames, 2.0))
+
+
+@pytest.fixture(scope="module")
+def run():
+    run = make_run()
+    return without(run, time_lapse=make_time_lapse(run))
+
+
+@pytest.fixture(scope="module")
+def drawn(run):
+    return {name: figure for name, figure, _ in page.draw_figures(run, evaluate(run))}
+
+
+def plan_views(figure):
+    return [axes for axes in figure.axes if axes.images]
+
+
+@pytest.mark.parametrize("name", MAP_FIGURES)
+def test_maps_have_equal_axes_units_and_a_colour_bar(drawn, name):
+    figure = drawn[name]
+    assert plan_views(figure)
+    for axes in plan_views(figure):
+        assert axes.get_aspect() == 1
+        at = axes.get_subplotspec()
+        assert axes.get_xlabel() == ("x (m)" if at.is_last_row() else "")
+        assert axes.get_ylabel() == ("y (m)" if at.is_first_col() else "")
+    bars = [child for axes in plan_views(figure) for child in axes.child_axes]
+    assert bars and all(bar.get_ylabel().endswith(("(m)", "(m²)")) for bar in bars)
+
+
+def test_a_map_is_drawn_where_it_is(drawn, run):
+    image = plan_views(drawn["posterior"])[0].images[0]
+    x, y = run.map.x, run.map.y
+    assert image.get_extent() == (x[0] - 0.5, x[-1] + 0.5, y[0] - 0.5, y[-1] + 0.5)
+    shown = image.get_array()
+    np.testing.assert_array_equal(shown.filled(np.nan), run.map.mean.T)
+    assert image.origin == "lower"
+
+
+def test_the_deepest_seabed_is_the_darkest():
+    shades = figure_style.DEPTH_MAP(np.linspace(0, 1, 20))[:, :3] @ [0.30, 0.59, 0.11]
+    assert (np.diff(shades) > 0).all()
+
+
+def test_without_cmocean_the_maps_are_matplotlib_s(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cmocean", None)
+    name = figure_style.__name__ + "_without_cmocean"
+    spec = importlib.util.spec_from_file_location(name, figure_style.__file__)
+    spec.name, module = name, importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    maps = (module.DEPTH_MAP, module.SPREAD_MAP, module.ERROR_MAP, module.DIFFERENCE_MAP)
+    assert [m.name for m in maps] == ["viridis", "cividis", "cividis", "PuOr"]
+
+
+def test_with_cmocean_the_maps_are_the_field_s():
+    cm = pytest.importorskip("cmocean").cm
+    assert figure_style.DEPTH_MAP == cm.deep_r and figure_style.DIFFERENCE_MAP == cm.balance
+    assert figure_style.SPREAD_MAP == cm.matter and figure_style.ERROR_MAP == cm.amp
+
+
+def test_slopes_that_face_the_sun_are_lit_and_others_in_shadow():
+    x = y = np.arange(20.0)
+    # A ridge along the diagonal from south-west to north-east: north-west of it faces the sun.
+    away = np.abs(np.add.outer(-x, y))
+    shade = figure_style.hill_shade(x, y, -away)
+    lit, shadow, flat = shade[5, 15], shade[15, 5], figure_style.hill_shade(x, y, 0 * away)
+    assert lit[0] == 1 and lit[3] > 0.05 and shadow[0] == 0 and shadow[3] > 0.05
+    assert (flat[..., 3] == 0).all()
+    unknown = np.where(x[:, None] < 10, np.nan, -away)
+    assert (figure_style.hill_shade(x, y, unknown)[:9, :, 3] == 0).all()
+
+
+def test_elongated_surveys_stack_and_square_ones_stand_side_by_side(run):
+    def shape(size_x, size_y):
+        grid = GridMap(np.arange(size_x), np.arange(size_y), np.zeros((size_x, size_y)))
+        return figure_style.map_subplots(without(run, map=grid), 2)[1].shape
+
+    assert shape(300, 60) == (2, 1)
+    assert shape(100, 100) == shape(60, 300) == (1, 2)
+
+
+# Bathymetry as measured
+
+
+def test_raw_bathymetry_is_placed_by_dead_reckoning_and_ignores_outliers(run):
+    levelled = run.levelled.copy()
+    levelled[::1000, 0], levelled[500::1000] = 1e6, np.nan
+    bad = without(run, levelled=levelled)
+    raw = map_figures.grid_of_beams(bad, run.dead_reckoning, bad.beams_dead_reckoning)
+    low, high = run.dead_reckoning[:, :2].min(axis=0), run.dead_reckoning[:, :2].max(axis=0)
+    # A swath of 12 m on either side, and a cell of 1 m.
+    assert low[0] - 13 < raw.x[0] < low[0] and high[0] < raw.x[-1] < high[0] + 14
+    assert raw.x[1] - raw.x[0] == 1.0
+    expected = map_figures.grid_on(raw, run.beams_dead_reckoning)
+    both = np.isfinite(raw.mean) & np.isfinite(expected)
+    # One beam in 500 is bad: in all other cells nothing has changed.
+    assert both.sum() > 0.97 * np.isfinite(expected).sum() > 3000
+    assert (raw.mean[both] == expected[both]).mean() > 0.97
+
+
+def test_raw_cells_are_no_finer_than_the_pings_are_apart(run):
+    poses = lawn_mower(lines=1, length_m=2000.0, step_m=4.0)
+    few = {
+        name: getattr(run, name)[: len(poses)]
+        for name in "stamp_s estimate estimate_std_m dead_reckoning ground_truth held_out".split()
+    }
+    beams = len(poses) * 40
+    assert len(few["stamp_s"]) == len(poses)
+    sparse = without(
+        run, **few, levelled=run.levelled[:beams], ping_of_beam=run.ping_of_beam[:beams]
+    )
+    sparse.dead_reckoning = poses
+    raw = map_figures.grid_of_beams(sparse, poses, sparse.beams_dead_reckoning)
+    assert raw.x[1] - raw.x[0] == pytest.approx(4.0)
+
+
+# Instants at which counters grew
+
+
+def test_loop_closures_are_where_their_counter_grew(run):
+    t_s = run.stamp_s[0] + 60.0 * np.arange(6)
+    history = {"t_s": t_s, "loop_closure_prompts": np.array([3, 3, 4, 4, 9, 9])}
+    short = without(run, status_history=history)
+    np.testing.assert_allclose(
+        track_figures.event_minutes(short, "loop_closure_prompts"), [2.0, 4.0]
+    )
+    assert len(track_figures.event_minutes(short, "resamplings")) == 0
+    assert len(track_figures.event_minutes(without(run, status_history={}), "resamplings")) == 0
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_position_errors_show_closures_and_resamplings(run, known):
+    shown = run if known else without(run, ground_truth=None)
+    figure, _ = track_figures.position_errors(shown, None)
+    closures = track_figures.event_minutes(run, "loop_closure_prompts")
+    resamplings = track_figures.event_minutes(run, "resamplings")
+    assert len(closures) > 20 and len(resamplings) == 4
+    for axes in figure.axes:
+        ticks = [line for line in axes.lines if line.get_label() == "loop closures"]
+        np.testing.assert_array_equal(ticks[0].get_xdata(), closures)
+        lines = [
+            c for c in axes.collections if isinstance(c, matplotlib.collections.LineCollection)
+        ]
+        starts = [segment[0, 0] for segment in lines[0].get_segments()]
+        np.testing.assert_array_equal(starts, resamplings)
+    legend = {text.get_text() for text in figure.axes[0].get_legend().get_texts()}
+    assert {"loop closures", "resamplings"} <= legend
+    quiet, _ = track_figures.position_errors(without(shown, status_history={}), None)
+    legend = {text.get_text() for text in quiet.axes[0].get_legend().get_texts()}
+    assert not {"loop closures", "resamplings"} & legend
+
+
+# Training objective
+
+
+def test_objective_limits_show_bumps_and_cut_the_start_off():
+    objective = 0.2 + 0.02 * np.sin(np.arange(1000.0))
+    objective[:10] = np.logspace(6, 1, 10)
+    objective[500:520] = 0.3
+    low, high = training_figures.objective_limits([objective, np.array([np.nan])])
+    assert low < 0.18 and 0.22 < high < 1.0
+    calm = objective[600:]
+    low, high = training_figures.objective_limits([calm])
+    assert low < calm.min() and calm.max() < high
+    assert training_figures.objective_limits([np.array([np.nan])]) is None
+
+
+def test_elbo_is_drawn_with_its_sign_turned_and_the_beams_below(run):
+    history = {**run.status_history, "beams": np.arange(len(run.status_history["t_s"]))}
+    figure, _ = training_figures.elbo(without(run, status_history=history), None)
+    line = figure.axes[0].lines[0]
+    np.testing.assert_array_equal(line.get_ydata(), -run.status_history["elbo"])
+    minutes = (run.status_history["t_s"] - run.stamp_s[0]) / 60
+    np.testing.assert_allclose(line.get_xdata(), minutes)
+    assert "nats" in figure.axes[0].get_ylabel() and len(figure.axes) == 2
+    alone, _ = training_figures.elbo(run, None)
+    assert len(alone.axes) == 1 and alone.axes[0].get_xlabel() == "time (min)"
+    unknown = {**history, "elbo": np.full(len(history["t_s"]), np.nan)}
+    assert training_figures.elbo(without(run, status_history=unknown), None) is None
+
+
+def test_objective_curves_of_several_runs_share_one_axes():
+    minutes = np.arange(50.0)
+    curves = {f"J = {n}": (minutes, np.cos(minutes) + n) for n in (1, 10, 50, 100)}
+    figure, caption = training_figures.objective_curves(curves)
+    (axes,) = figure.axes
+    assert [line.get_label() for line in axes.lines] == list(curves)
+    assert len({line.get_color() for line in axes.lines}) == 4
+    assert "evidence lower bound" in caption
+    assert page.to_png(figure).startswith(b"\x89PNG")
+
+
+# Time lapse
+
+
+def test_seabed_that_the_map_does_not_know_is_left_out(run):
+    lapse = run.time_lapse
+    lapse = dataclasses.replace(lapse, prior_variance=np.array([1.0, 2.0, 2.0, 2.0, 1.42]))
+    known = np.isfinite(time_lapse_figures.known_seabed(lapse))
+    # 1.0 m² is the prior's in the first frame, half of it then, and 0.704 of it in the last.
+    assert not known[0].any() and not known[4].any()
+    np.testing.assert_array_equal(known[1:4], lapse.variance[1:4] == 1.0)
+    assert known[1:4].any()
+
+
+def test_the_strip_is_evenly_spaced_in_time_and_says_when(drawn, run):
+    t_s = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(10.0, 101.0)])
+    picked = t_s[time_lapse_figures.evenly_spaced(t_s, 6)]
+    np.testing.assert_allclose(picked, [0, 20, 40, 60, 80, 100], atol=0.05)
+    minutes = (run.time_lapse.t_s - run.stamp_s[0]) / 60
+    titles = [axes.get_title(loc="left") for axes in plan_views(drawn["time_lapse"])]
+    assert titles == [f"{minute:.1f} min" for minute in minutes]
+
+
+def test_the_animation_has_every_frame_and_goes_with_the_time_lapse(run, tmp_path):
+    write_report(run, tmp_path)
+    path = tmp_path / "time_lapse.gif"
+    with Image.open(path) as gif:
+        assert gif.n_frames == len(run.time_lapse.t_s)
+        first = np.asarray(gif.convert("RGB"), dtype=float) / 255
+        gif.seek(gif.n_frames - 1)
+        last = np.asarray(gif.convert("RGB"), dtype=float) / 255
+    grey = [
+        (np.abs(frame - to_rgb(figure_style.UNKNOWN_COLOUR)).max(axis=-1) < 0.02).mean()
+        for frame in (first, last)
+    ]
+    # Four fifths of the map's pixels, which are more than half of the picture's; then none.
+    assert grey[0] > 0.3 and grey[1] < 0.05
+    assert "time_lapse.gif" in (tmp_path / "report.html").read_text()
+    write_report(without(run, time_lapse=None), tmp_path)
+    assert not path.exists()
+    assert "time_lapse.gif" not in (tmp_path / "report.html").read_text()
+
+
+# Runs with little in them
+
+
+def test_one_ping_makes_figures_and_no_raw_bathymetry(run):
+    few = {
+        name: getattr(run, name)[:1]
+        for name in "stamp_s estimate estimate_std_m dead_reckoning ground_truth held_out".split()
+    }
+    beams = {"levelled": run.levelled[:40], "ping_of_beam": run.ping_of_beam[:40]}
+    one = without(run, **few, **beams, status_history={}, time_lapse=None)
+    figures = {name: figure for name, figure, _ in page.draw_figures(one, evaluate(one))}
+    assert set(figures) == {"trajectories", "posterior", "seabed_maps"}
+    assert all(page.to_png(figure) for figure in figures.values())
+
+
+def test_the_posterior_of_another_program_has_no_variance_and_no_inducing_points(run):
+    unknown = np.full(run.map.mean.shape, np.nan)
+    for variance in (None, unknown):
+        grid = dataclasses.replace(run.map, variance=variance)
+        figure, caption = map_figures.posterior(without(run, map=grid), None)
+        assert len(figure.axes) == 1 and "variance" not in caption
+    figure, caption = map_figures.posterior(without(run, inducing_points=np.empty((0, 3))), None)
+    assert len(figure.axes) == 2 and "inducing" not in caption
+
+
+def test_a_map_without_values_is_not_drawn(run):
+    blank = GridMap(run.map.x, run.map.y, np.full(run.map.mean.shape, np.nan))
+    empty = without(run, map=blank)
+    assert map_figures.posterior(empty, None) is None
+    assert map_figures.seabed_maps(empty, None) is None
+    nothing = without(run, map=GridMap(np.empty(0), np.empty(0), np.empty((0, 0))))
+    figure, _ = track_figures.trajectories(nothing, None)
+    assert page.to_png(figure).startswith(b"\x89PNG")
