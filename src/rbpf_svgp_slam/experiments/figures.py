@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rbpf_svgp_slam.evaluation import evaluate, load_run
 from rbpf_svgp_slam.evaluation import figure_style as style
-from rbpf_svgp_slam.evaluation.page import draw_figures
+from rbpf_svgp_slam.evaluation.page import draw_figures, to_png
 from rbpf_svgp_slam.evaluation.training_figures import objective_curves
 from rbpf_svgp_slam.experiments.plan import Experiment
 from rbpf_svgp_slam.experiments.resources import Usage
@@ -31,7 +31,7 @@ def draw_experiment(plan: Experiment, rows: list[Row], out_dir: Path) -> list[Pa
     paths = []
     for name, figure in figures.items():
         paths.append(folder / f"{name}.png")
-        figure.savefig(paths[-1])
+        paths[-1].write_bytes(to_png(figure))
     lapse = shown.folder / "time_lapse.gif"
     if lapse.is_file():
         paths.append(folder / lapse.name)
