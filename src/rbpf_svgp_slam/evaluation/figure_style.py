@@ -119,19 +119,45 @@ def map_axes(axes: Axes, title: str) -> None:
 
 
 def draw_grid(
-    axes: Axes, x: np.ndarray, y: np.ndarray, z: np.ndarray, relief: bool = False, **style
+    axes: Axes,
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    relief: bool = False,
+    max_cells: int = _MAX_CELLS,
+    **style,
 ) -> AxesImage:
     """Draw z [nx, ny] at evenly spaced cell centres x [nx], y [ny], m; NaN cells stay blank.
 
-    relief: z is a seabed in m, to be shaded as if the sun stood in the north-west. style: imshow's.
+    relief: z is a seabed in m, to be shaded as if the sun stood in the north-west. max_cells: along
+    an axis; of more, neighbours are averaged. style: imshow's.
     """
-    i, j = (-(-n // _MAX_CELLS) for n in z.shape)
-    x, y, z = x[::i], y[::j], z[::i, ::j]
+    x, y, z = _coarser(x, y, z, -(-max(z.shape) // max_cells))
     style = {"origin": "lower", "extent": _extent(x, y), **style}
     image = axes.imshow(np.ma.masked_invalid(z.T), **style)
     if relief and min(z.shape) > 1:
         axes.imshow(hill_shade(x, y, z).transpose(1, 0, 2), **style)
     return image
+
+
+def _coarser(x: np.ndarray, y: np.ndarray, z: np.ndarray, by: int) -> tuple[np.ndarray, ...]:
+    """Return the centres and means of blocks of `by` × `by` cells; NaN where none is known."""
+    if by <= 1:
+        return x, y, z
+    first = [np.arange(0, n, by) for n in z.shape]
+
+    def sums(values: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(np.add.reduceat(values, first[0], axis=0), first[1], axis=1)
+
+    known = np.isfinite(z)
+    count = sums(known.astype(float))
+    total = sums(np.where(known, z, 0.0))
+    means = np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0)
+    # Even where the last block is cut short.
+    x, y = (a[0] + np.arange(len(f)) * by * (a[1] - a[0]) for a, f in zip((x, y), first))
+    half = 0.5 * (by - 1) / by
+    x, y = (a + half * (a[1] - a[0] if len(a) > 1 else 0.0) for a in (x, y))
+    return x, y, means
 
 
 def _extent(x: np.ndarray, y: np.ndarray) -> tuple[float, ...]:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from .consistency import Consistency
     from .report import Evaluation
 
-_RAW_CELLS = 1000  # along an axis, at most
+# Cells along an axis, at most. Few are hit by two passes, and single ones would vanish.
+_RAW_CELLS, _CONSISTENCY_CELLS = 1000, 400
 
 
 def raw_bathymetry(run: SurveyRun, evaluation: Evaluation) -> Drawn:
@@ -178,11 +179,11 @@ def held_out_residuals(run: SurveyRun, evaluation: Evaluation) -> Drawn:
 
 
 def consistency_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw where the passes disagree, for each trajectory."""
-    order = ("dead_reckoning", "estimate", "ground_truth")
+    """Draw where the passes disagree, for each trajectory, and where the map and the beams do."""
+    titles = {**style.LABELS, "map": "map and beams"}
     results = {
         name: evaluation.consistencies[name]
-        for name in order
+        for name in ("dead_reckoning", "estimate", "ground_truth", "map")
         if name in evaluation.consistencies and len(evaluation.consistencies[name].error_m)
     }
     if not results:
@@ -193,12 +194,14 @@ def consistency_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     resolution_m = evaluation.report["consistency"]["resolution_m"]
     for axes, (name, result) in zip(panels.flat, results.items()):
         x, y, error = _as_grid(run.map, result, resolution_m)
-        image = style.draw_grid(axes, x, y, error, cmap=style.ERROR_MAP, **limits)
-        style.map_axes(axes, f"{style.LABELS[name]}, RMS {result.overlap_rms_m:.3g} m")
+        scale = {"cmap": style.ERROR_MAP, "max_cells": _CONSISTENCY_CELLS, **limits}
+        image = style.draw_grid(axes, x, y, error, **scale)
+        style.map_axes(axes, f"{titles[name]}, RMS {result.overlap_rms_m:.3g} m")
     style.colour_bar(image, "consistency error (m)")
     return figure, (
         "How far apart different passes see the same seabed (Roman and Singh's consistency error), "
-        f"per cell of {resolution_m:g} m that two passes or more have hit, on one colour scale."
+        f"per cell of {resolution_m:g} m that two passes or more have hit; and the same between "
+        "the map's mean and the beams. One colour scale; cells too small to be seen are averaged."
     )
 
 

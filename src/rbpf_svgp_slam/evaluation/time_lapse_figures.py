@@ -1,6 +1,6 @@
 """One particle's map as it grew: a strip of frames for the report, and an animation.
 
-Grey is seabed that the map does not know.
+Grey is seabed that no beam had hit by then.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from PIL import Image
+from scipy.ndimage import minimum_filter
 
 from . import figure_style as style
 from .survey_run import SurveyRun, TimeLapse
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from .report import Evaluation
 
 GIF_NAME = "time_lapse.gif"
-# Of the prior's variance; above it the map has learned next to nothing from any beam.
-UNKNOWN_VARIANCE_SHARE = 0.7
 _STRIP_HEIGHT_IN = 7.5
 _GIF_WIDTH_IN, _GIF_DPI = 5.8, 100
 _GIF_MARGINS_IN = (0.65, 0.5, 0.95, 0.35)  # left, bottom, right, top
@@ -34,10 +33,29 @@ _GIF_COLOURS = 112
 _FRAME_MS, _LAST_FRAME_MS = 170, 2000
 
 
-def known_seabed(lapse: TimeLapse) -> np.ndarray:
-    """Return the means [K, nx, ny], m, NaN where the map does not know the seabed."""
-    limit = UNKNOWN_VARIANCE_SHARE * lapse.prior_variance[:, None, None]
-    return np.where(lapse.variance <= limit, lapse.mean, np.nan)
+def seen_seabed(run: SurveyRun, lapse: TimeLapse) -> np.ndarray:
+    """Return the means [K, nx, ny], m, NaN where no beam had hit by then, placed with the estimate.
+
+    A cell beside one that was hit counts as hit: beams are sparse at the swath's edge.
+    """
+    seen_s = minimum_filter(first_seen_s(run, lapse), size=3)
+    return np.where(seen_s <= lapse.t_s[:, None, None], lapse.mean, np.nan)
+
+
+def first_seen_s(run: SurveyRun, lapse: TimeLapse) -> np.ndarray:
+    """Return the stamp [nx, ny] of the first ping with a beam in each cell, inf where none has."""
+    seen_s = np.full((len(lapse.x), len(lapse.y)), np.inf)
+    i, j = (
+        np.rint((run.beams[:, axis] - centres[0]) / max(np.ptp(centres[:2]), 1e-9))
+        for axis, centres in enumerate((lapse.x, lapse.y))
+    )
+    # Not finite is not inside.
+    inside = (i >= 0) & (i < seen_s.shape[0]) & (j >= 0) & (j < seen_s.shape[1])
+    cell = (i[inside] * seen_s.shape[1] + j[inside]).astype(np.int64)
+    # Beams are in the order of their pings: the first of a cell is the earliest.
+    cells, first = np.unique(cell, return_index=True)
+    seen_s.flat[cells] = run.stamp_s[run.ping_of_beam[np.flatnonzero(inside)[first]]]
+    return seen_s
 
 
 def time_lapse(run: SurveyRun, evaluation: Evaluation) -> Drawn:
@@ -47,15 +65,15 @@ def time_lapse(run: SurveyRun, evaluation: Evaluation) -> Drawn:
         return None
     frames = evenly_spaced(lapse.t_s, 8 if style.plan_aspect(run) > 0.8 else 6)
     figure, panels = style.map_subplots(run, len(frames), _STRIP_HEIGHT_IN)
-    seabed = known_seabed(lapse)
+    seabed = seen_seabed(run, lapse)
     limits = style.colour_limits(seabed)
     for axes, k in zip(panels.flat, frames):
         image = _draw_frame(axes, run, k, seabed[k], limits)
     style.colour_bar(image, style.DEPTH_LABEL)
     return figure, (
         "The map of the particle that was the best at each time, with the way of the vehicle so "
-        f"far; grey where the variance is above {UNKNOWN_VARIANCE_SHARE:g} of the prior's. All "
-        f"{len(lapse.t_s)} frames: {GIF_NAME} beside this page."
+        f"far; grey where no beam had hit the seabed yet. All {len(lapse.t_s)} "
+        f"frames: {GIF_NAME} beside this page."
     )
 
 
@@ -99,7 +117,7 @@ def _palette(frames: list[Image.Image]) -> Image.Image:
 
 def _animation(run: SurveyRun, lapse: TimeLapse) -> list[Image.Image]:
     """Return the frames [K], all of one size and layout."""
-    seabed = known_seabed(lapse)
+    seabed = seen_seabed(run, lapse)
     limits = style.colour_limits(seabed)
     # Placed by hand: matplotlib's own layout would double the time of every frame.
     left_in, bottom_in, right_in, top_in = _GIF_MARGINS_IN

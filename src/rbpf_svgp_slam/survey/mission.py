@@ -16,6 +16,7 @@ import numpy as np
 
 from rbpf_svgp_slam.survey import SurveyError
 from rbpf_svgp_slam.survey.dead_reckoning import DeadReckoningNoise
+from rbpf_svgp_slam.survey.terrain import Relief
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Mission:
     terrain_resolution_m: float  # of generated terrain
     seabed_m: float  # mean height of generated terrain
     dead_reckoning: DeadReckoningNoise
+    relief: Relief = Relief()  # of generated terrain
     max_yaw_rate_radps: float = math.radians(12)
     odometry_rate_hz: float = 20.0
     ground_truth_rate_hz: float = 10.0
@@ -129,6 +131,8 @@ MISSIONS = {
             seabed_m=-90.0,
             max_yaw_rate_radps=4 * _DEGREE,
             dead_reckoning=_HUGIN,
+            # Over a square kilometre and more the large features are the high ones.
+            relief=Relief(longest_m=900.0, fractal_m=6.0, dunes_m=0.3),
         ),
     )
 }

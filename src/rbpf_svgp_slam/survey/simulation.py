@@ -60,7 +60,12 @@ def make_terrain(mission, terrain_path, rng):
     if terrain_path is None:
         lower_m, upper_m = -mission.margin_m * np.ones(2), area_m + mission.margin_m
         return generate_terrain(
-            lower_m, upper_m, mission.terrain_resolution_m, mission.seabed_m, rng
+            lower_m,
+            upper_m,
+            mission.terrain_resolution_m,
+            mission.seabed_m,
+            rng,
+            mission.relief,
         )
     terrain = load_terrain(terrain_path, centre_m=0.5 * area_m)
     if (terrain.origin_m > 0).any() or (terrain.upper_m < area_m).any():

@@ -91,17 +91,29 @@ def save_terrain(path, terrain):
     )
 
 
-def generate_terrain(lower_m, upper_m, resolution_m, mean_m, rng):
+@dataclasses.dataclass(frozen=True)
+class Relief:
+    """What generated seabed is made of.
+
+    By default several metres from peak to trough, mostly in features of 15 to 80 m: what a vehicle
+    with a 50 m swath can tell its position by.
+    """
+
+    longest_m: float = 150.0  # wavelength of the largest features
+    fractal_m: float = 1.6  # standard deviation of the fractal part
+    dunes_m: float = 0.9  # about the amplitude of the dunes
+
+
+def generate_terrain(lower_m, upper_m, resolution_m, mean_m, rng, relief=Relief()):
     """Fractal relief plus dunes over the box lower_m .. upper_m ([2] each), around height mean_m.
 
-    Relief is several metres from peak to trough, mostly in features of 15 to 80 m, as seabeds are:
-    their power falls steeply with frequency. It is what a vehicle with a 50 m swath can tell its
-    position by.
+    The power of the fractal part falls steeply with frequency, as seabeds' does.
     """
     lower_m = np.asarray(lower_m, float)
     shape = np.ceil((np.asarray(upper_m) - lower_m) / resolution_m).astype(int) + 1
-    fractal_m = 1.6 * _fractal(shape, resolution_m, (6.0, 150.0), 3.6, rng)
-    dunes_m = 0.9 * _dunes(shape, resolution_m, rng)
+    wavelengths_m = (6.0, relief.longest_m)
+    fractal_m = relief.fractal_m * _fractal(shape, resolution_m, wavelengths_m, 3.6, rng)
+    dunes_m = relief.dunes_m * _dunes(shape, resolution_m, rng)
     z_m = mean_m + fractal_m + dunes_m
     return Terrain(z_m.astype(np.float32), float(resolution_m), lower_m)
 
