@@ -8,13 +8,16 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from rbpf_svgp_slam.evaluation import evaluate, load_run
+from rbpf_svgp_slam.evaluation import SurveyRun, evaluate, load_run
 from rbpf_svgp_slam.evaluation import figure_style as style
 from rbpf_svgp_slam.evaluation.page import draw_figures, to_png
+from rbpf_svgp_slam.evaluation.report import Evaluation
+from rbpf_svgp_slam.evaluation.track_figures import trajectories
 from rbpf_svgp_slam.evaluation.training_figures import objective_curves
 from rbpf_svgp_slam.experiments.plan import Experiment
 from rbpf_svgp_slam.experiments.resources import Usage
 from rbpf_svgp_slam.experiments.summary import Row, title
+from rbpf_svgp_slam.survey.mission import get_mission, plan_waypoints
 
 
 def draw_experiment(plan: Experiment, rows: list[Row], out_dir: Path) -> list[Path]:
@@ -23,7 +26,9 @@ def draw_experiment(plan: Experiment, rows: list[Row], out_dir: Path) -> list[Pa
     folder.mkdir(exist_ok=True)
     shown = next((row for row in rows if row.folder.name == plan.figures_of), rows[-1])
     run = load_run(shown.folder)
-    figures = {name: figure for name, figure, _ in draw_figures(run, evaluate(run))}
+    evaluation = evaluate(run)
+    figures = {name: figure for name, figure, _ in draw_figures(run, evaluation)}
+    figures["planned_and_estimated"] = _planned(plan, shown, run, evaluation)
     if len(rows) > 1:
         figures["objectives"] = _objectives(rows)
     if plan.live:
@@ -37,6 +42,19 @@ def draw_experiment(plan: Experiment, rows: list[Row], out_dir: Path) -> list[Pa
         paths.append(folder / lapse.name)
         paths[-1].write_bytes(lapse.read_bytes())
     return paths
+
+
+def _planned(plan: Experiment, row: Row, run: SurveyRun, evaluation: Evaluation) -> Figure:
+    """The report's trajectories over the bathymetry, with the lines that were planned."""
+    waypoints_m = plan_waypoints(get_mission(plan.mission, row.facts["settings"]["scale"]))
+    with matplotlib.rc_context(style.STYLE):
+        figure, _ = trajectories(run, evaluation)
+        axes = figure.axes[0]
+        planned = {"color": "#CC79A7", "linewidth": 1.3, "linestyle": (0, (1, 1.5)), "zorder": 5}
+        axes.plot(*waypoints_m.T, label="planned", **planned)
+        axes.set_title("Planned and estimated trajectories over the mean of the map")
+        style.legend_below(axes)
+    return figure
 
 
 def _objectives(rows: list[Row]) -> Figure:
