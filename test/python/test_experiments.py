@@ -32,10 +32,10 @@ def parameters(name, row, **options):
 def test_the_papers_rows_are_there_with_its_numbers():
     rows = {row.name: row.paper for row in plan.experiment("exp1").configurations if row.paper}
     assert rows == {
-        "J1_B1": {"iterations_per_particle": 202_327, "consistency_rmse_m": 1.636},
-        "J10_B1": {"iterations_per_particle": 21_425, "consistency_rmse_m": 1.709},
-        "J10_B10": {"iterations_per_particle": 39_373, "consistency_rmse_m": 1.712},
-        "J100_B10": {"iterations_per_particle": 3_714, "consistency_rmse_m": 1.995},
+        "J1_B1": {"iterations_per_particle": 202_327, "map_consistency_rmse_m": 1.636},
+        "J10_B1": {"iterations_per_particle": 21_425, "map_consistency_rmse_m": 1.709},
+        "J10_B10": {"iterations_per_particle": 39_373, "map_consistency_rmse_m": 1.712},
+        "J100_B10": {"iterations_per_particle": 3_714, "map_consistency_rmse_m": 1.995},
     }
     (live,) = plan.experiment("exp2").configurations
     assert (live.name, live.paper) == ("J80_B8", {"iterations_per_particle": 2_965})
@@ -227,12 +227,13 @@ def test_the_summary_has_the_papers_numbers_below_ours(tmp_path):
     figure = tmp_path / "figures" / "elbo.png"
     text = summary.write_summary(experiment, rows, [figure], tmp_path).read_text()
     assert "| steps per particle | 8\u202f000 | 900 |" in text
-    assert "| *the paper's steps per particle* | 202\u202f327 | 21\u202f425 |" in text
+    assert "| *the paper's Adam steps per particle* | 202\u202f327 | 21\u202f425 |" in text
     assert "| map RMSE at held-out beams, m | 0.5 | – |" in text
     assert "| the same, mean of 10 particles' maps | 0.4 | – |" in text
     assert "| map nodes | 1.50, 400 MB | 1.50, 400 MB |" in text
     assert "abc123" in text and "Some CPU" in text
     assert "![elbo](figures/elbo.png)" in text
+    assert "| *the paper's consistency RMSE, m* | 1.64 | 1.71 |" in text
     # what no run has is left out
     assert "ATE" not in text
 

@@ -27,7 +27,7 @@ REPORT_FIELDS = (
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
     "ate_rmse_m dr_ate_rmse_m final_error_m dr_final_error_m map_rmse_m map_msll "
     "consistency_rmse_m grid_rmse_m peak_rss_mb maps_moved bytes_moved prompt_s_median "
-    "resampling_s_median"
+    "resampling_s_median rpe_rmse_m dr_rpe_rmse_m map_consistency_rmse_m sampled_map_rmse_m"
 ).split()
 # J is not divisible by B. Tiny maps; every prompt that tells particles apart resamples.
 SMALL = {

@@ -110,7 +110,7 @@ def _steps_per_second(
 
 
 def _paper(steps: int, consistency_rmse_m: float | None = None) -> dict[str, float]:
-    known = {"iterations_per_particle": steps, "consistency_rmse_m": consistency_rmse_m}
+    known = {"iterations_per_particle": steps, "map_consistency_rmse_m": consistency_rmse_m}
     return {name: value for name, value in known.items() if value is not None}
 
 
