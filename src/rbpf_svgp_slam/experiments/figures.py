@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import matplotlib
@@ -48,9 +49,10 @@ def _planned(plan: Experiment, row: Row, run: SurveyRun, evaluation: Evaluation)
     """The report's trajectories over the bathymetry, with the lines that were planned."""
     waypoints_m = plan_waypoints(get_mission(plan.mission, row.facts["settings"]["scale"]))
     with matplotlib.rc_context(style.STYLE):
-        figure, _ = trajectories(run, evaluation)
+        # The vehicle keeps to the plan: its true way would hide the lines.
+        figure, _ = trajectories(dataclasses.replace(run, ground_truth=None), evaluation)
         axes = figure.axes[0]
-        planned = {"color": "#CC79A7", "linewidth": 1.3, "linestyle": (0, (1, 1.5)), "zorder": 5}
+        planned = {"color": "black", "linewidth": 0.9, "linestyle": (0, (5, 3)), "zorder": 5}
         axes.plot(*waypoints_m.T, label="planned", **planned)
         axes.set_title("Planned and estimated trajectories over the mean of the map")
         style.legend_below(axes)
