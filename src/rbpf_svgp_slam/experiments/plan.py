@@ -171,6 +171,7 @@ _EXPERIMENTS = {
                 "svgp": {"inducing_points": 300, "minibatch_size": 1000},
                 "lc": {"rate_hz": 0.1},
             },
+            teacher_steps_per_s=3.0,
             figures_of="J100_B10",
         ),
     )
