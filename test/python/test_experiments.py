@@ -131,7 +131,7 @@ def test_a_run_is_done_only_if_its_settings_are_the_same(tmp_path):
 @pytest.mark.parametrize(
     "command, group",
     [
-        (["/x/lib/rbpf_svgp_slam/rbpf_core_node", "__name:=rbpf_core"], "rbpf_core"),
+        (["/x/lib/rbpf_svgp_slam/rbpf_core", "__name:=rbpf_core"], "rbpf_core"),
         (["/x/rbpf_offline", "__name:=rbpf_core"], "rbpf_core"),
         (["python3", "/x/svgp_nodes.py", "__name:=svgp_nodes"], "map nodes"),
         (["python3", "/x/svgp_node.py", "__name:=svgp_node_3"], "map nodes"),

@@ -108,8 +108,7 @@ def group_of(command: list[str]) -> str:
 
 # In this order: the program that starts the map nodes counts as one of them.
 _GROUPS = {
-    "rbpf_core_node": "rbpf_core",
-    "rbpf_offline": "rbpf_core",
+    "__name:=rbpf_core": "rbpf_core",
     "svgp_node": "map nodes",
     "survey_recorder": "recorder",
     "rosbag": "player",
