@@ -24,9 +24,8 @@ def make_time_lapse(run, frames=5):
     """Frames of the map as it is in the end."""
     x, y = run.map.x[::3], run.map.y[::3]
     mean = np.nan_to_num(run.map.mean[::3, ::3], nan=-25.0)
-    variance = np.ones((frames, *mean.shape))
     t_s = np.linspace(run.stamp_s[0] + 60, run.stamp_s[-1], frames)
-    return TimeLapse(t_s, x, y, np.stack([mean] * frames), variance, np.full(frames, 2.0))
+    return TimeLapse(t_s, x, y, np.stack([mean] * frames))
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ def saved(tmp_path_factory):
     for _ in range(20):
         engine.train_step((run.beams[::40] - [*origin_m, 0.0]).astype(np.float32), len(run.beams))
     frames = np.random.default_rng(0).random((3, 4, 5))
-    lapse = TimeLapse(run.stamp_s[:3], np.arange(4.0), np.arange(5.0), frames, frames, np.ones(3))
+    lapse = TimeLapse(run.stamp_s[:3], np.arange(4.0), np.arange(5.0), frames)
     terrain = tmp_path_factory.mktemp("terrain") / "terrain.npz"
     grid = run.terrain
     origin = [grid.x[0], grid.y[0]]

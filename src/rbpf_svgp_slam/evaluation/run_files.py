@@ -22,7 +22,7 @@ from scipy.interpolate import RegularGridInterpolator
 from .survey_run import GridMap, Predict, StoredMap, SurveyRun, TimeLapse
 from .trajectory import interpolate_poses, read_tum, write_tum
 
-_TIME_LAPSE = ("t_s", "x", "y", "mean", "variance", "prior_variance")
+_TIME_LAPSE = ("t_s", "x", "y", "mean")
 _STAMP_TOLERANCE_S = 1e-6  # TUM files hold nine decimals, doubles of today's stamps seven
 
 # What numpy and zipfile raise at a file that is no npz file or a damaged one.
@@ -82,7 +82,6 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
     grid, predict, extras = _load_map(out_dir / "map.npz")
     report = _load_text(out_dir / "report.json", json.loads)
     path = terrain or report.get("terrain")
-    lapse = out_dir / "time_lapse.npz"
     truth = out_dir / "ground_truth.tum"
     return SurveyRun(
         stamp_s=stamp_s,
@@ -98,10 +97,18 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
         terrain=load_terrain(path) if path else None,
         statistics={name: value for name, value in report.items() if name != "notes"},
         status_history=_load_npz(out_dir / "history.npz", optional=True),
-        time_lapse=TimeLapse(**_load_npz(lapse, _TIME_LAPSE)) if lapse.is_file() else None,
+        time_lapse=_load_time_lapse(out_dir / "time_lapse.npz"),
         config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
         **extras,
     )
+
+
+def _load_time_lapse(path: Path) -> TimeLapse | None:
+    """None if there is no such file."""
+    if not path.is_file():
+        return None
+    arrays = _load_npz(path, _TIME_LAPSE)
+    return TimeLapse(**{name: arrays[name] for name in _TIME_LAPSE})
 
 
 def load_tracks(out_dir: str | Path) -> SurveyRun:

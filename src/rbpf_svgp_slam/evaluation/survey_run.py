@@ -44,14 +44,10 @@ class TimeLapse:
     x: np.ndarray  # [nx]
     y: np.ndarray  # [ny]
     mean: np.ndarray  # [K, nx, ny] m
-    variance: np.ndarray  # [K, nx, ny] of the latent depth, m²
-    prior_variance: np.ndarray  # [K] of the latent depth far from all beams, m²
 
     def __post_init__(self) -> None:
-        frames, grid = len(self.t_s), (len(self.x), len(self.y))
-        _check_shape("time lapse's mean", self.mean, (frames, *grid))
-        _check_shape("time lapse's variance", self.variance, (frames, *grid))
-        _check_shape("time lapse's prior_variance", self.prior_variance, (frames,))
+        expected = (len(self.t_s), len(self.x), len(self.y))
+        _check_shape("time lapse's mean", self.mean, expected)
 
 
 @dataclass

@@ -31,7 +31,7 @@ class TimeLapseRecorder:
         self._parameters = parameters
         self._period_s = float(parameters["output"]["time_lapse_period_s"])
         self._next_s = -np.inf  # stamp from which on a frame is due
-        self._frames: list[tuple[float, np.ndarray, np.ndarray, float]] = []
+        self._frames: list[tuple[float, np.ndarray]] = []  # stamp, mean [nx, ny]
         area = np.asarray(parameters["survey_area"], dtype=float)
         resolution_m = max(
             float(parameters["map"]["resolution_m"]),
@@ -50,7 +50,7 @@ class TimeLapseRecorder:
             return
         self._next_s = stamp_s + self._period_s
         try:
-            self._frames.append((stamp_s, *self._frame(status)))
+            self._frames.append((stamp_s, self._frame(status)))
         except (RuntimeError, ValueError, rospy.ServiceException) as error:
             # as while a resampling is under way: the next one will do
             rospy.logdebug_throttle(ERROR_PERIOD_S, f"no frame of the time lapse: {error}")
@@ -59,25 +59,17 @@ class TimeLapseRecorder:
             del self._frames[1::2]
             self._period_s *= 2.0
 
-    def _frame(self, status: FilterStatus) -> tuple[np.ndarray, np.ndarray, float]:
-        """Mean and variance on the grid, and the prior's variance."""
+    def _frame(self, status: FilterStatus) -> np.ndarray:
+        """The map's mean on the grid."""
         data = fetch_map(status.best_particle, status.epoch, status.particles, status.nodes)
         engine = load_map(self._parameters["map"]["engine"], data)
-        values = np.full((2, len(self._inside)), np.nan, dtype=np.float32)
-        values[:, self._inside] = engine.predict(self._points)
-        mean, variance = values.reshape(2, len(self._x), len(self._y))
-        return mean, variance, engine.prior_variance_m2
+        mean = np.full(len(self._inside), np.nan, dtype=np.float32)
+        mean[self._inside], _ = engine.predict(self._points)
+        return mean.reshape(len(self._x), len(self._y))
 
     def frames(self) -> TimeLapse | None:
         """All that have been kept; none if there are none."""
         if not self._frames:
             return None
-        stamps, means, variances, priors = zip(*self._frames)
-        return TimeLapse(
-            t_s=np.array(stamps),
-            x=self._x,
-            y=self._y,
-            mean=np.array(means),
-            variance=np.array(variances),
-            prior_variance=np.array(priors),
-        )
+        stamps_s, means = zip(*self._frames)
+        return TimeLapse(np.array(stamps_s), self._x, self._y, np.array(means))
