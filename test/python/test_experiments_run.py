@@ -1,8 +1,12 @@
 """The experiments in small, from the command line to the summary: real nodes, real masters."""
 
 import json
+import signal
+import subprocess
+import time
 
 import numpy as np
+import psutil
 import pytest
 import yaml
 
@@ -108,3 +112,32 @@ def test_slam_closes_loops_and_is_not_lost(slam):
     # two minutes of drift: the filter may be better or worse, not lost
     assert report["ate_rmse_m"] < 3 * report["dr_ate_rmse_m"] + 3.0
     assert "ATE of dead reckoning" in (out / "summary.md").read_text()
+
+
+def test_an_interrupted_experiment_leaves_nothing_running(mapping):
+    out, _ = mapping
+    command = ["rosrun", "rbpf_svgp_slam", "experiment.py", "exp1", "--scale", "0.01"]
+    command += ["--only", "J1_B1", "--seed", "1", "--out", str(out)]
+    # As a job that a script has started in the background; other settings, so that there is a run.
+    process = subprocess.Popen(
+        command, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)
+    )
+    try:
+        nodes = wait_for_map_nodes(process.pid)
+    finally:
+        process.terminate()
+    # roslaunch gives its nodes 15 s after SIGINT, and 2 s after SIGTERM
+    assert process.wait(60.0) == 130
+    _, alive = psutil.wait_procs(nodes, timeout=10.0)
+    assert all(node.status() == psutil.STATUS_ZOMBIE for node in alive)
+
+
+def wait_for_map_nodes(pid, patience_s=60.0):
+    """All that the process has started, once there is a map node among them."""
+    end_s = time.monotonic() + patience_s
+    while time.monotonic() < end_s:
+        children = psutil.Process(pid).children(recursive=True)
+        if any("svgp_node.py" in " ".join(child.cmdline()) for child in children):
+            return children
+        time.sleep(0.2)
+    raise TimeoutError(f"no map node within {patience_s:g} s")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from pathlib import Path
 from typing import Any, Sequence
@@ -22,8 +23,11 @@ beside ours. A run that is already there is kept."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Carry out an experiment; returns the exit status, 2 for a mistake in the arguments."""
+    """Carry out an experiment; returns the exit status: 2 for a mistake, 130 if interrupted."""
     arguments = _parse(argv)
+    # Both, also where a script in the background has had SIGINT ignored: roslaunch must be told.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     try:
         plan = experiment(arguments.experiment)
         options = Options(
@@ -41,6 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ExperimentError, OSError, ValueError) as error:
         print(f"experiment.py: error: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("experiment.py: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
     return 0
 
 
