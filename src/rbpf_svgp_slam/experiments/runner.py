@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import time
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Iterator
@@ -118,20 +117,19 @@ def _run(
     command += ["replay.launch", f"rate:={options.rate}"] if plan.live else ["offline.launch"]
     command += [f"bag:={bag}", f"config:={config}", f"out:={folder}"]
     command += [f"terrain:={bag.with_suffix('.terrain.npz')}"]
-    started_s = time.monotonic()
+    # As they are now: the tree may change while a long run goes on.
+    facts = {
+        "settings": settings,
+        "command": command,
+        "commit": _commit(),
+        "machine": machine.describe(),
+    }
     with busy_core(plan.other_load), _launched(command, folder / "launch.log") as process:
         monitor = Monitor(process.pid, RESOURCE_PERIOD_S)
         status = process.wait()
         monitor.stop().save(folder / RESOURCES)
     if status or not (folder / "report.json").is_file():
         raise ExperimentError(f"{row.name} ended without a report; see {folder}/launch.log")
-    facts = {
-        "settings": settings,
-        "command": command,
-        "commit": _commit(),
-        "machine": machine.describe(),
-        "launch_s": time.monotonic() - started_s,
-    }
     (folder / SETTINGS).write_text(json.dumps(facts, indent=2) + "\n")
 
 
