@@ -76,7 +76,7 @@ def test_the_summary_shows_every_run_and_figure(mapping):
     text = (out / "summary.md").read_text()
     for report in reports.values():
         assert f"J = {report['particles']}, B = {report['nodes']}" in text
-    assert "202\u202f327" in text and "1.64" in text
+    assert "202\u202f327" in text and "1.636" in text
     shown = {path.stem for path in (out / "figures").iterdir()}
     assert {"raw_bathymetry", "consistency_maps", "objectives", "time_lapse"} <= shown
     for stem in shown:

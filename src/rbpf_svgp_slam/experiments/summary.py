@@ -106,11 +106,18 @@ def _metrics(rows: list[Row]) -> list[list[str]]:
     for label, path in _ROWS:
         values = [_at(row.report, path) for row in rows]
         if any(value is not None for value in values):
-            lines.append([label] + [format_number(value) for value in values])
+            lines.append([label] + [shown(value) for value in values])
         papers = [row.configuration.paper.get(path) for row in rows]
         if any(value is not None for value in papers):
-            lines.append([_PAPER_LABELS[path]] + [format_number(value) for value in papers])
+            lines.append([_PAPER_LABELS[path]] + [shown(value) for value in papers])
     return lines
+
+
+def shown(value: Any) -> str:
+    """As in a report, but with a fourth digit: configurations differ by percents."""
+    if isinstance(value, float) and abs(value) < 1000:
+        return f"{value:.4g}"
+    return format_number(value)
 
 
 def _resources(rows: list[Row]) -> list[list[str]]:
