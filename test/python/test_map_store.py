@@ -221,6 +221,19 @@ def test_maps_are_handed_out_only_once_their_owner_has_stopped():
     assert answers == [at_resampling]
 
 
+def test_a_picture_of_a_map_may_be_had_in_any_epoch():
+    (store,) = make_stores(2, 1)
+    for _ in range(2):
+        assert store.serialise(None, [1], SHORT_S) == [store.maps()[1].to_bytes()]
+        store.prepare(store.epoch + 1, [0, 0], no_fetch, TIMEOUT_S)
+        # with the resampling undecided, what has been so far
+        assert store.serialise(None, [1], SHORT_S) == [store.maps()[1].to_bytes()]
+        store.commit(store.epoch + 1)
+        store.train(1, store.epoch, BEAMS, 7)
+    with pytest.raises(BadRequest, match="particle is 2"):
+        store.serialise(None, [2], SHORT_S)
+
+
 def test_a_node_that_never_stops_is_given_up():
     stores = make_stores(2, 2)
     with pytest.raises(BadRequest, match="not stopped training for epoch 1 within 0.05 s"):

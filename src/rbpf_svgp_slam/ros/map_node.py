@@ -138,9 +138,8 @@ class MapNode:
 
     @answers_bad_requests(srv.GetMapsResponse)
     def _get_maps(self, request: srv.GetMapsRequest) -> srv.GetMapsResponse:
-        maps = self._store.serialise(
-            request.epoch, request.particles, FREEZE_SHARE * self._timeout_s
-        )
+        epoch = None if request.epoch == request.ANY_EPOCH else request.epoch
+        maps = self._store.serialise(epoch, request.particles, FREEZE_SHARE * self._timeout_s)
         return srv.GetMapsResponse(
             success=True,
             engine=self._engine,

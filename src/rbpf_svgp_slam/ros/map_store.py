@@ -190,13 +190,18 @@ class MapStore:
             raise BadRequest(f"prediction of particle {particle} is not finite; expected finite")
         return mean, variance, prior
 
-    def serialise(self, epoch: int, particles: Sequence[int], timeout_s: float) -> list[bytes]:
-        """Whole maps as they are in this epoch, or as they will be when frozen for the next one."""
+    def serialise(
+        self, epoch: int | None, particles: Sequence[int], timeout_s: float
+    ) -> list[bytes]:
+        """Whole maps as they are in this epoch, or as they will be when frozen for the next one.
+
+        epoch none: as they are, in whatever epoch.
+        """
         self._check_owned(particles)
-        if epoch != self.epoch:
+        if epoch not in (None, self.epoch):
             self._wait_until_frozen(epoch, timeout_s)
         with self._lock.request():
-            if epoch != self.epoch and not self._is_frozen_for(epoch):
+            if epoch not in (None, self.epoch) and not self._is_frozen_for(epoch):
                 raise BadRequest(f"epoch is {epoch}; expected {self.epoch}, this node's")
             return [self._maps[particle].to_bytes() for particle in particles]
 

@@ -13,6 +13,7 @@ from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.polygon import inside, survey_origin
 from rbpf_svgp_slam.ros.survey_client import fetch_map
 from rbpf_svgp_slam.ros.survey_grid import cell_centres, grid_points
+from rbpf_svgp_slam.srv import GetMapsRequest
 
 MAX_FRAMES = 48
 # A frame costs its node the time of a copy, and the recorder a prediction of so many cells.
@@ -52,8 +53,7 @@ class TimeLapseRecorder:
         try:
             self._frames.append((stamp_s, self._frame(status)))
         except (RuntimeError, ValueError, rospy.ServiceException) as error:
-            # as while a resampling is under way: the next one will do
-            rospy.logdebug_throttle(ERROR_PERIOD_S, f"no frame of the time lapse: {error}")
+            rospy.logwarn_throttle(ERROR_PERIOD_S, f"no frame of the time lapse: {error}")
             return
         if len(self._frames) > MAX_FRAMES:
             del self._frames[1::2]
@@ -61,7 +61,9 @@ class TimeLapseRecorder:
 
     def _frame(self, status: FilterStatus) -> np.ndarray:
         """The map's mean on the grid."""
-        data = fetch_map(status.best_particle, status.epoch, status.particles, status.nodes)
+        # Its epoch may have gone on since that status.
+        epoch = GetMapsRequest.ANY_EPOCH
+        data = fetch_map(status.best_particle, epoch, status.particles, status.nodes)
         engine = load_map(self._parameters["map"]["engine"], data)
         mean = np.full(len(self._inside), np.nan, dtype=np.float32)
         mean[self._inside], _ = engine.predict(self._points)
