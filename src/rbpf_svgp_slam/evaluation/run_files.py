@@ -10,8 +10,6 @@ stands in report.json alone.
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +17,13 @@ import numpy as np
 import yaml
 from scipy.interpolate import RegularGridInterpolator
 
+from rbpf_svgp_slam.npz import READING_ERRORS
+
 from .survey_run import GridMap, Predict, StoredMap, SurveyRun, TimeLapse
 from .trajectory import interpolate_poses, read_tum, write_tum
 
 _TIME_LAPSE = ("t_s", "x", "y", "mean")
 _STAMP_TOLERANCE_S = 1e-6  # TUM files hold nine decimals, doubles of today's stamps seven
-
-# What numpy and zipfile raise at a file that is no npz file or a damaged one.
-_READING_ERRORS = (
-    EOFError,
-    KeyError,
-    OSError,
-    RuntimeError,
-    ValueError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 class RunFolderError(ValueError):
@@ -80,8 +69,8 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
     )
     stamp_s = survey["stamp_s"]
     grid, predict, extras = _load_map(out_dir / "map.npz")
-    report = _load_text(out_dir / "report.json", json.loads)
-    path = terrain or report.get("terrain")
+    statistics = _statistics(out_dir)
+    path = terrain or statistics.get("terrain")
     truth = out_dir / "ground_truth.tum"
     return SurveyRun(
         stamp_s=stamp_s,
@@ -95,7 +84,7 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
         map=grid,
         predict=predict,
         terrain=load_terrain(path) if path else None,
-        statistics={name: value for name, value in report.items() if name != "notes"},
+        statistics=statistics,
         status_history=_load_npz(out_dir / "history.npz", optional=True),
         time_lapse=_load_time_lapse(out_dir / "time_lapse.npz"),
         config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
@@ -126,7 +115,7 @@ def load_tracks(out_dir: str | Path) -> SurveyRun:
         others[name] = interpolate_poses(*_track(path), stamp_s) if path.is_file() else None
     if others["dead_reckoning"] is None:
         others["dead_reckoning"] = np.full((len(stamp_s), 6), np.nan)
-    report = _load_text(out_dir / "report.json", json.loads)
+    statistics = _statistics(out_dir)
     return SurveyRun(
         stamp_s=stamp_s,
         estimate=estimate,
@@ -137,7 +126,7 @@ def load_tracks(out_dir: str | Path) -> SurveyRun:
         predict=lambda xy: (np.full(len(xy), np.nan), np.full(len(xy), np.nan)),
         noise_variance_m2=np.nan,
         inducing_points=np.empty((0, 3)),
-        statistics={name: value for name, value in report.items() if name != "notes"},
+        statistics=statistics,
         config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
         **others,
     )
@@ -233,12 +222,18 @@ def _load_npz(path: Path, names: tuple[str, ...] = (), optional=False) -> dict[s
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except _READING_ERRORS as error:
+    except READING_ERRORS as error:
         raise RunFolderError(f"{path}: expected an npz file ({error})") from error
     missing = [name for name in names if name not in arrays]
     if missing:
         raise RunFolderError(f"{path}: expected arrays {', '.join(names)}; lacks {missing}")
     return arrays
+
+
+def _statistics(out_dir: Path) -> dict[str, Any]:
+    """What report.json says; of this what the data tell, too, is computed again."""
+    report = _load_text(out_dir / "report.json", json.loads)
+    return {name: value for name, value in report.items() if name != "notes"}
 
 
 def _load_text(path: Path, parse: Any) -> dict[str, Any]:

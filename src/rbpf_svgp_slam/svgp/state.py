@@ -17,11 +17,11 @@ learned. Nothing is pickled, and nothing pickled is ever loaded.
 from __future__ import annotations
 
 import io
-import zipfile
-import zlib
 from typing import Any, Mapping
 
 import numpy as np
+
+from rbpf_svgp_slam.npz import READING_ERRORS
 
 FORMAT = "rbpf_svgp_slam/svgp"
 VERSION = 2
@@ -38,18 +38,6 @@ ENTRIES = {
     "raw_average": ("f", 0),
     "ready": ("b", 0),
 }
-
-#: What numpy and zipfile raise at bytes that are no npz file or a damaged one.
-READING_ERRORS = (
-    AttributeError,
-    EOFError,
-    KeyError,
-    OSError,
-    RuntimeError,
-    ValueError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 def encode(entries: Mapping[str, Any]) -> bytes:
