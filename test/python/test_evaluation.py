@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses, read_tum
@@ -25,7 +26,8 @@ from rbpf_svgp_slam.evaluation.report import json_ready
 CONTRACT = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s real_time_factor "
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
-    "ate_rmse_m dr_ate_rmse_m final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s "
+    "ate_rmse_m dr_ate_rmse_m ate_aligned_rmse_m dr_ate_aligned_rmse_m final_error_m "
+    "dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s "
     "map_rmse_m map_msll "
     "consistency_rmse_m grid_rmse_m peak_rss_mb"
 ).split()
@@ -170,6 +172,51 @@ def test_ate_counts_only_pings_with_ground_truth():
     assert trajectory.final_error(poses, truth) == pytest.approx(3.0)
     assert trajectory.ate_rmse(poses, np.full((4, 6), np.nan)) is None
     assert trajectory.final_error(poses, np.full((4, 6), np.nan)) is None
+
+
+def test_aligned_ate_of_a_track_that_lies_askew_is_zero():
+    truth = lawn_mower()
+    turn = Rotation.from_euler("z", 0.3).as_matrix()
+    askew = truth.copy()
+    askew[:, :3] = truth[:, :3] @ turn.T + [30.0, -20.0, 2.0]
+    assert trajectory.ate_rmse(askew, truth) > 1.0
+    assert trajectory.ate_aligned_rmse(askew, truth) == pytest.approx(0, abs=ROUNDING_M)
+
+
+def test_aligned_ate_is_the_least_that_a_rigid_motion_leaves():
+    rng = np.random.default_rng(3)
+    truth = lawn_mower()
+    poses = truth + rng.normal(0, 2, truth.shape)
+    least = trajectory.ate_aligned_rmse(poses, truth)
+
+    def error(motion):
+        moved = Rotation.from_rotvec(motion[:3]).apply(poses[:, :3]) + motion[3:]
+        return np.sqrt(np.mean(np.sum((moved - truth[:, :3]) ** 2, axis=1)))
+
+    # From no motion at all, the minimum is that near.
+    found = optimize.minimize(error, np.zeros(6), method="BFGS").fun
+    assert least == pytest.approx(found, rel=1e-6)
+    assert least < trajectory.ate_rmse(poses, truth)
+
+
+def test_aligned_ate_of_a_mirrored_track_is_not_zero():
+    # A flat one could be turned over.
+    truth = np.random.default_rng(4).normal(0, 20, (50, 6))
+    mirrored = truth * [1, -1, 1, 1, 1, 1]
+    assert trajectory.ate_aligned_rmse(mirrored, truth) > 1.0
+
+
+def test_aligned_ate_of_a_straight_track(recwarn):
+    truth, poses = np.zeros((2, 20, 6))
+    truth[:, 0], poses[:, 1] = np.arange(20), np.arange(20)
+    assert trajectory.ate_aligned_rmse(poses, truth) == pytest.approx(0, abs=ROUNDING_M)
+    assert not recwarn.list
+
+
+def test_aligned_ate_needs_three_known_poses():
+    truth, poses = lawn_mower(), lawn_mower()
+    truth[2:] = np.nan
+    assert trajectory.ate_aligned_rmse(poses, truth) is None
 
 
 def test_rpe_of_a_track_that_runs_too_fast_is_the_excess_over_the_interval():

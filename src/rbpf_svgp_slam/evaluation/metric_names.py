@@ -10,8 +10,8 @@ FROM_DATA = tuple(COUNTERS[:3])
 
 #: Computed from the trajectories alone.
 TRAJECTORY_METRICS = (
-    "ate_rmse_m dr_ate_rmse_m ate_ratio final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m "
-    "rpe_delta_s"
+    "ate_rmse_m dr_ate_rmse_m ate_ratio ate_aligned_rmse_m dr_ate_aligned_rmse_m "
+    "final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s"
 ).split()
 MAP_METRICS = (
     "map_rmse_m map_msll map_coverage grid_rmse_m grid_coverage map_rmse_on_grid_beams_m "
@@ -28,7 +28,7 @@ METRICS = (*TRAJECTORY_METRICS, *MAP_METRICS, *CONSISTENCY_METRICS)
 #: Errors of the filter and of its map, of which the lowest is the best; not those of dead
 #: reckoning, of the ground truth or of the grid, which are what they are compared with.
 ERRORS = frozenset(
-    "ate_rmse_m ate_ratio final_error_m rpe_rmse_m map_rmse_m map_msll map_rmse_on_grid_beams_m "
-    "map_rmse_at_ground_truth_m terrain_rmse_m map_consistency_rmse_m consistency_rmse_m "
-    "overlap_consistency_rmse_m".split()
+    "ate_rmse_m ate_ratio ate_aligned_rmse_m final_error_m rpe_rmse_m map_rmse_m map_msll "
+    "map_rmse_on_grid_beams_m map_rmse_at_ground_truth_m terrain_rmse_m map_consistency_rmse_m "
+    "consistency_rmse_m overlap_consistency_rmse_m".split()
 )

@@ -16,7 +16,7 @@ from .map_metrics import HeldOutScores, grid_on, predict_in_chunks, rmse, score_
 from .run_files import save_run
 from .survey_run import SurveyRun
 from .time_lapse_figures import write_time_lapse_gif
-from .trajectory import ate_rmse, final_error, rpe_frames, rpe_rmse
+from .trajectory import ate_aligned_rmse, ate_rmse, final_error, rpe_frames, rpe_rmse
 
 _COUNTERS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s "
@@ -128,6 +128,8 @@ def _trajectory_metrics(run: SurveyRun, notes: list[str]) -> dict[str, Any]:
         "ate_rmse_m": ate,
         "dr_ate_rmse_m": dr_ate,
         "ate_ratio": _ratio(ate, dr_ate),
+        "ate_aligned_rmse_m": ate_aligned_rmse(run.estimate, truth),
+        "dr_ate_aligned_rmse_m": ate_aligned_rmse(run.dead_reckoning, truth),
         "final_error_m": final_error(run.estimate, truth),
         "dr_final_error_m": final_error(run.dead_reckoning, truth),
         "rpe_rmse_m": rpe_rmse(run.estimate, truth, frames),

@@ -6,6 +6,7 @@ R = Rz(yaw) Ry(pitch) Rx(roll).
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,25 @@ def ate_rmse(poses: np.ndarray, truth: np.ndarray) -> float | None:
     squared = np.sum(position_error(poses, truth) ** 2, axis=1)
     known = np.isfinite(squared)
     return float(np.sqrt(squared[known].mean())) if known.any() else None
+
+
+def ate_aligned_rmse(poses: np.ndarray, truth: np.ndarray) -> float | None:
+    """Return the ATE in m after the rigid motion that makes it least, as Sturm et al. (2012).
+
+    What remains is the error of the track's shape: that of a map that lies askew in the map frame,
+    though right in itself, is nothing. None with fewer than three poses whose truth is known.
+    """
+    known = np.isfinite(position_error(poses, truth)).all(axis=1)
+    if known.sum() < 3:
+        return None
+    centred, target = (track[known, :3] - track[known, :3].mean(axis=0) for track in (poses, truth))
+    # The rotation of Horn (1987) and Umeyama (1991). About a straight track it is not unique, of
+    # which scipy warns; the error is.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        rotation, _ = Rotation.align_vectors(target, centred)
+    squared = np.sum((rotation.apply(centred) - target) ** 2, axis=1)
+    return float(np.sqrt(squared.mean()))
 
 
 def final_error(poses: np.ndarray, truth: np.ndarray) -> float | None:

@@ -26,6 +26,8 @@ _ROWS = (
     ("the same, dead reckoning", "dr_consistency_rmse_m"),
     ("ATE, m", "ate_rmse_m"),
     ("ATE of dead reckoning, m", "dr_ate_rmse_m"),
+    ("ATE after alignment, m", "ate_aligned_rmse_m"),
+    ("the same, dead reckoning", "dr_ate_aligned_rmse_m"),
     ("final error, m", "final_error_m"),
     ("final error of dead reckoning, m", "dr_final_error_m"),
     ("loop-closure prompts", "loop_closure_prompts"),
