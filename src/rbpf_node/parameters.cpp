@@ -111,6 +111,14 @@ Parameters loadParameters(const ros::NodeHandle& node) {
         "nodes", std::to_string(params.nodes),
         "at most one for each of the " + std::to_string(params.filter.particles) + " particles");
   }
+  // Every prompt would be tempered until nothing is left to resample, and so would all after it.
+  if (params.loop_closure.rule == rbpf_core::WeightRule::kRobust &&
+      params.resampling_threshold > 0.0 &&
+      params.loop_closure.min_n_eff_share >= params.resampling_threshold) {
+    ParameterReader::fail(
+        "lc/min_n_eff_share", std::to_string(params.loop_closure.min_n_eff_share),
+        "a number below resampling/threshold, " + std::to_string(params.resampling_threshold));
+  }
   reader.refuseUnknown({"svgp", "map"});
   return params;
 }

@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """The real core on a short survey: what it lends to the maps, over the wire."""
 
+import subprocess
 import time
 import unittest
 
 import numpy as np
+import roslib.packages
 import rospy
 import rostest
 import tf2_ros
@@ -19,7 +21,7 @@ from rbpf_svgp_slam.ros.payload import unpack
 
 PARTICLES = 3
 DURATION_S, BEAMS = 20, 8  # a ping a second
-PATIENCE_S = 10.0  # for what must happen; reached only by a bug
+PATIENCE_S = 30.0  # for what must happen; reached only by a bug
 
 
 def service(name, service_class):
@@ -127,6 +129,26 @@ class CoreTest(unittest.TestCase):
             self.assertFalse(reply.success, message)
             self.assertIn(message, reply.message)
             self.assertEqual((len(reply.counts), len(reply.beams)), (0, 0))
+
+    def test_parameters_that_forbid_each_other_are_refused_at_the_start(self):
+        rospy.set_param("/wrong/rbpf_svgp_slam", rospy.get_param("rbpf_svgp_slam"))
+        core = roslib.packages.find_node("rbpf_svgp_slam", "rbpf_core")[0]
+        for name, value, message in [
+            ("lc/min_n_eff_share", 0.5, "0.500000, expected a number below resampling/threshold"),
+            ("nodes", 4, "4, expected at most one for each of the 3 particles"),
+        ]:
+            right = rospy.get_param(f"rbpf_svgp_slam/{name}")
+            rospy.set_param(f"/wrong/rbpf_svgp_slam/{name}", value)
+            start = subprocess.run(
+                [core, "__ns:=/wrong"],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=PATIENCE_S,
+            )
+            self.assertNotEqual(start.returncode, 0, start.stdout)
+            self.assertIn(f"{name} is {message}", start.stdout)
+            rospy.set_param(f"/wrong/rbpf_svgp_slam/{name}", right)
 
     def test_minibatches_have_common_random_numbers(self):
         reply = self.get_minibatches(range(PARTICLES), 50)
