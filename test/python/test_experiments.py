@@ -201,12 +201,14 @@ def test_the_resource_figure_has_all_groups():
 # --- summary
 
 
-def finished(tmp_path, row, **report):
+def finished(tmp_path, row, particles=None, **report):
     folder = tmp_path / row.name
     folder.mkdir()
     (folder / "report.json").write_text(json.dumps(report))
     machine = {"cores": 2, "cpu": "Some CPU", "memory_gb": 24.0}
-    facts = {"settings": {"scale": 1.0, "seed": 1}, "machine": machine, "commit": "abc123"}
+    sizes = {"particles": particles or row.particles, "nodes": row.nodes}
+    settings = {"scale": 1.0, "seed": 1, "parameters": sizes}
+    facts = {"settings": settings, "machine": machine, "commit": "abc123"}
     (folder / runner.SETTINGS).write_text(json.dumps(facts))
     nodes = {"map nodes": np.array([1.0, 2.0])}
     Usage(np.arange(2.0), nodes, {"map nodes": np.array([300.0, 400.0])}).save(
@@ -236,6 +238,17 @@ def test_the_summary_has_the_papers_numbers_below_ours(tmp_path):
     assert "| *the paper's consistency RMSE, m* | 1.636 | 1.709 |" in text
     # what no run has is left out
     assert "ATE" not in text
+
+
+def test_a_run_of_another_j_is_not_put_beside_the_papers(tmp_path):
+    experiment = plan.experiment("exp1")
+    row = next(row for row in experiment.configurations if row.name == "J100_B10")
+    rows = summary.read_rows(
+        experiment, [finished(tmp_path, row, particles=40, iterations_per_particle=900.0)]
+    )
+    text = summary.write_summary(experiment, rows, [], tmp_path).read_text()
+    assert "J = 40, B = 10" in text and "J = 100" not in text
+    assert "paper" not in text
 
 
 def test_shipped_parameters_accept_every_experiments_names():

@@ -65,7 +65,7 @@ def _objectives(rows: list[Row]) -> Figure:
     for row in rows:
         with np.load(row.folder / "history.npz") as history:
             t_s, elbo = history["t_s"], history["elbo"]
-        curves[title(row.configuration)] = ((t_s - t_s[0]) / 60, -elbo)
+        curves[title(row)] = ((t_s - t_s[0]) / 60, -elbo)
     return objective_curves(curves)[0]
 
 

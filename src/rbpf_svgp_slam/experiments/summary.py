@@ -84,11 +84,11 @@ def write_summary(plan: Experiment, rows: list[Row], figures: list[Path], out_di
         f"seed {first['settings']['seed']}, {speed}. {machine['cores']} cores of {machine['cpu']}, "
         f"{machine['memory_gb']:g} GB; commit {first['commit']}.",
         "",
-        *_table([""] + [title(row.configuration) for row in rows], _metrics(rows)),
+        *_table([""] + [title(row) for row in rows], _metrics(rows)),
         "",
         "Processors kept busy (mean), and resident memory (largest), of this machine:",
         "",
-        *_table([""] + [title(row.configuration) for row in rows], _resources(rows)),
+        *_table([""] + [title(row) for row in rows], _resources(rows)),
         "",
     ]
     lines += [f"![{path.stem}]({path.relative_to(out_dir)})" for path in figures]
@@ -97,9 +97,22 @@ def write_summary(plan: Experiment, rows: list[Row], figures: list[Path], out_di
     return summary
 
 
-def title(configuration: Configuration) -> str:
-    """Of a column or a curve."""
-    return f"J = {configuration.particles}, B = {configuration.nodes}"
+def title(row: Row) -> str:
+    """Of a column or a curve: what the filter ran with, which a user's overlay may change."""
+    particles, nodes = _sizes(row)
+    return f"J = {particles}, B = {nodes}"
+
+
+def _sizes(row: Row) -> tuple[int, int]:
+    """J and B that the filter ran with."""
+    parameters = row.facts["settings"]["parameters"]
+    return parameters["particles"], parameters["nodes"]
+
+
+def _paper(row: Row, path: str) -> float | None:
+    """What the paper reports of this J and B."""
+    planned = row.configuration
+    return planned.paper.get(path) if _sizes(row) == (planned.particles, planned.nodes) else None
 
 
 def _metrics(rows: list[Row]) -> list[list[str]]:
@@ -109,7 +122,7 @@ def _metrics(rows: list[Row]) -> list[list[str]]:
         values = [_at(row.report, path) for row in rows]
         if any(value is not None for value in values):
             lines.append([label] + [shown(value) for value in values])
-        papers = [row.configuration.paper.get(path) for row in rows]
+        papers = [_paper(row, path) for row in rows]
         if any(value is not None for value in papers):
             lines.append([_PAPER_LABELS[path]] + [shown(value) for value in papers])
     return lines
