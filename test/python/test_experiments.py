@@ -12,7 +12,7 @@ import pytest
 import rospkg
 import yaml
 
-from rbpf_svgp_slam.experiments import cli, plan, runner, summary
+from rbpf_svgp_slam.experiments import ExperimentError, cli, plan, runner, summary
 from rbpf_svgp_slam.experiments.figures import resource_figure, smoothed
 from rbpf_svgp_slam.experiments.load import busy_core
 from rbpf_svgp_slam.experiments.resources import Monitor, Usage, group_of
@@ -96,6 +96,8 @@ def test_merging_does_not_change_what_is_merged():
         (["exp1", "--only", "J7_B7"], "configuration is 'J7_B7', expected one of J1_B1"),
         (["exp1", "--config", "no.yaml"], "no.yaml"),
         (["exp1", "--only", "J1_B1", "--scale", "-1"], "simulating failed"),
+        (["exp2", "--rate", "0"], "rate is 0.0, expected a number above 0"),
+        (["exp2", "--rate", "nan"], "rate is nan, expected a number above 0"),
     ],
 )
 def test_mistakes_are_told_in_one_line(arguments, message, tmp_path, capsys, monkeypatch):
@@ -115,6 +117,44 @@ def test_an_overlay_that_is_no_set_of_parameters_is_named(tmp_path, capsys):
         assert "mine.yaml" in capsys.readouterr().err
 
 
+def test_an_overlays_unknown_names_are_told_before_anything_is_done(tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    path.write_text("particles: 3\nlc: {rate_hz: 0.1, rate: 2}\n")
+    assert cli.main(["exp1", "--config", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert "mine.yaml: lc/rate is unknown" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_survey_is_not_simulated_over_the_first(tmp_path, monkeypatch):
+    simulated = []
+    monkeypatch.setattr(
+        runner.subprocess,
+        "run",
+        lambda command, **_: simulated.append(command) or subprocess.CompletedProcess(command, 0),
+    )
+    experiment = plan.experiment("exp3")
+    for _ in range(2):
+        runner._simulate(experiment, plan.Options(scale=0.1), tmp_path)
+    assert len(simulated) == 1
+    with pytest.raises(ExperimentError, match="--seed 1', expected .*--seed 2': choose another"):
+        runner._simulate(experiment, plan.Options(scale=0.1, seed=2), tmp_path)
+    with pytest.raises(ExperimentError, match="lolo3 .*expected .* lolo2"):
+        runner._simulate(plan.experiment("exp2"), plan.Options(scale=0.1), tmp_path)
+    assert len(simulated) == 1
+    # Moved elsewhere it is the same survey.
+    moved = tmp_path.rename(tmp_path.with_name("moved"))
+    assert runner._simulate(experiment, plan.Options(scale=0.1), moved) == moved / "survey.bag"
+    assert len(simulated) == 1
+
+
+def test_the_first_error_of_a_launch_is_told(tmp_path):
+    log = tmp_path / "launch.log"
+    log.write_text("started\n\x1b[31m[FATAL] [1.5]: lc/rate_hz is fast\x1b[0m\n[ERROR] later\n")
+    assert runner._first_error(log) == ": [FATAL] [1.5]: lc/rate_hz is fast"
+    log.write_text("started\n")
+    assert runner._first_error(log) == ""
+
+
 def test_a_run_is_done_only_if_its_settings_are_the_same(tmp_path):
     settings = json.loads(json.dumps({"scale": 1.0, "parameters": {"seed": 1}}))
     assert not runner._is_done(tmp_path, settings)
@@ -122,7 +162,11 @@ def test_a_run_is_done_only_if_its_settings_are_the_same(tmp_path):
     assert not runner._is_done(tmp_path, settings)  # no report
     (tmp_path / "report.json").write_text("{}")
     assert runner._is_done(tmp_path, settings)
-    assert not runner._is_done(tmp_path, {**settings, "scale": 0.5})
+    other = {"parameters": {"seed": 2, "svgp": {"optimizer": "adam"}}, "scale": 0.5}
+    with pytest.raises(
+        ExperimentError, match=r"\(parameters/seed, parameters/svgp, scale\): choose"
+    ):
+        runner._is_done(tmp_path, other)
 
 
 # --- resources and the other load
@@ -231,7 +275,7 @@ def test_the_summary_has_the_papers_numbers_below_ours(tmp_path):
     assert "| steps per particle | 8\u202f000 | 900 |" in text
     assert "| *the paper's Adam steps per particle* | 202\u202f327 | 21\u202f425 |" in text
     assert "| map RMSE at held-out beams, m | 0.5 | – |" in text
-    assert "| the same, mean of 10 particles' maps | 0.4 | – |" in text
+    assert "| the same, mean of up to 10 particles' maps | 0.4 | – |" in text
     assert "| map nodes | 1.50, 400 MB | 1.50, 400 MB |" in text
     assert "abc123" in text and "Some CPU" in text
     assert "![elbo](figures/elbo.png)" in text

@@ -114,11 +114,10 @@ def test_slam_closes_loops_and_is_not_lost(slam):
     assert "ATE of dead reckoning" in (out / "summary.md").read_text()
 
 
-def test_an_interrupted_experiment_leaves_nothing_running(mapping):
-    out, _ = mapping
+def test_an_interrupted_experiment_leaves_nothing_running(tmp_path):
     command = ["rosrun", "rbpf_svgp_slam", "experiment.py", "exp1", "--scale", "0.01"]
-    command += ["--only", "J1_B1", "--seed", "1", "--out", str(out)]
-    # As a job that a script has started in the background; other settings, so that there is a run.
+    command += ["--only", "J1_B1", "--seed", "1", "--out", str(tmp_path)]
+    # As a job that a script has started in the background.
     process = subprocess.Popen(
         command, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)
     )

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from scipy.ndimage import binary_closing
 from scipy.stats import norm
 
 from . import figure_style as style
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 # Cells along an axis, at most. Few are hit by two passes, and single ones would vanish.
 _RAW_CELLS, _CONSISTENCY_CELLS = 1000, 400
+# Cells between two pings or two beams, at most: 4 m of a 1 m map.
+_SWATH_GAP_CELLS = 2
 
 
 def raw_bathymetry(run: SurveyRun, evaluation: Evaluation) -> Drawn:
@@ -41,7 +44,7 @@ def raw_bathymetry(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     if run.ground_truth is not None:
         draw_track(axes, "ground_truth", run.ground_truth)
     mark_start_and_end(axes, run.dead_reckoning)
-    style.map_axes(axes, "Bathymetry as measured")
+    style.map_axes(axes, "Bathymetry as measured, placed by dead reckoning")
     style.legend_below(axes)
     resolution_m = raw.x[1] - raw.x[0]
     return figure, (
@@ -100,7 +103,7 @@ def _draw_variance(axes: Axes, run: SurveyRun) -> None:
     if limits["vmin"] < limits["vmax"] and limits["vmin"] > 0:
         limits = {"norm": LogNorm(**limits)}
     image = style.draw_grid(axes, grid.x, grid.y, grid.variance, cmap=style.SPREAD_MAP, **limits)
-    style.colour_bar(image, "variance (m²)")
+    style.colour_bar(image, "variance of latent depth (m²)")
     dots = {"s": 7, "color": "white", "edgecolor": "black", "linewidth": 0.6}
     axes.scatter(*run.inducing_points[:, :2].T, **dots)
     axes.set_xlim(*image.get_extent()[:2])
@@ -126,14 +129,16 @@ def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     panels = (panels.T if panels.shape == (3, 2) else panels).ravel()
     depth = {"cmap": style.DEPTH_MAP, **style.colour_limits(*seabeds.values())}
     _draw_panels(panels[: len(seabeds)], ours, seabeds, style.DEPTH_LABEL, **depth)
-    # Beyond the swaths the map is a guess, whose errors would hide all others.
-    hit = np.isfinite(seabeds["cell means"])
-    limits = style.colour_limits(*(z[hit] for z in differences.values()), symmetric=True)
+    # Beyond the swaths the map is a guess, whose errors would hide all others. Between the pings,
+    # where cells are empty too, it is none.
+    swept = binary_closing(np.isfinite(seabeds["cell means"]), iterations=_SWATH_GAP_CELLS)
+    differences = {name: np.where(swept, z, np.nan) for name, z in differences.items()}
+    limits = style.colour_limits(*differences.values(), symmetric=True)
     signed = {"cmap": style.DIFFERENCE_MAP, **limits}
     _draw_panels(panels[len(seabeds) :], ours, differences, "difference (m)", **signed)
     return figure, (
         "The map's mean beside the cell means of the same beams and the true seabed where it is "
-        "known, on one colour scale, and their differences on another."
+        "known, on one colour scale, and their differences, where beams have been, on another."
     )
 
 

@@ -100,8 +100,9 @@ def position_errors(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     figure.align_ylabels()
     return figure, (
         "Position error against ground truth over time: the 3-D distance, and its components in "
-        "x and y with the spread of the particles (±2σ). Ticks: loop closures, prompts that "
-        "changed the weights; vertical lines: resamplings."
+        "x and y with the spread of the particles' histories (±2σ), which is nothing where all of "
+        "them descend from one particle. Ticks: loop closures, prompts that changed the weights; "
+        "vertical lines: resamplings."
     )
 
 

@@ -6,14 +6,15 @@ import argparse
 import signal
 import sys
 from pathlib import Path
-from typing import Any, Sequence
+from typing import Any, Iterator, Sequence
 
+import rospkg
 import yaml
 
 from rbpf_svgp_slam.experiments import ExperimentError
 from rbpf_svgp_slam.experiments.figures import draw_experiment
 from rbpf_svgp_slam.experiments.plan import Options, experiment
-from rbpf_svgp_slam.experiments.runner import run_experiment
+from rbpf_svgp_slam.experiments.runner import PACKAGE, run_experiment
 from rbpf_svgp_slam.experiments.summary import read_rows, write_summary
 
 _DESCRIPTION = """Carry out one of the three experiments of Torroba et al. (2023) on a simulated
@@ -56,7 +57,12 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     add("experiment", metavar="exp1|exp2|exp3")
     add("--out", required=True, type=Path, metavar="DIR")
-    add("--scale", type=float, default=1.0, help="of the survey's full duration (default 1)")
+    add(
+        "--scale",
+        type=float,
+        default=1.0,
+        help="of the survey: its lines shorter by sqrt(f), at least two of them (default 1)",
+    )
     add("--seed", type=int, default=1, help="of survey and filter (default 1)")
     add(
         "--optimizer",
@@ -79,4 +85,17 @@ def _overlay(path: Path | None) -> dict[str, Any]:
         raise ExperimentError(f"{path}: expected a yaml file ({error})") from error
     if not isinstance(overlay, dict):
         raise ExperimentError(f"{path}: expected parameters by name, as in config/default.yaml")
+    default = Path(rospkg.RosPack().get_path(PACKAGE)) / "config" / "default.yaml"
+    # The nodes check the values; a name that is wrong should not cost a simulation first.
+    for name in _unknown(overlay, yaml.safe_load(default.read_text())):
+        raise ExperimentError(f"{path}: {name} is unknown, expected names of config/default.yaml")
     return overlay
+
+
+def _unknown(overlay: dict[str, Any], known: dict[str, Any], group: str = "") -> Iterator[str]:
+    """Names, with their groups, that `known` does not have."""
+    for name, value in overlay.items():
+        if name not in known:
+            yield f"{group}{name}"
+        elif isinstance(value, dict) and isinstance(known[name], dict):
+            yield from _unknown(value, known[name], f"{group}{name}/")

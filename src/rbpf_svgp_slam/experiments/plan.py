@@ -6,6 +6,7 @@ optimizer, (J, B) and f_LC. All else is config/default.yaml's.
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, field
 from typing import Any
@@ -56,6 +57,10 @@ class Options:
     rate: float = 1.0  # of a live experiment, times real time
     overlay: dict[str, Any] = field(default_factory=dict)  # the user's own, on top of everything
     only: tuple[str, ...] = ()  # names of configurations; all if empty
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate < math.inf:
+            raise ExperimentError(f"rate is {self.rate}, expected a number above 0")
 
 
 def experiment(name: str) -> Experiment:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 from contextlib import contextmanager
@@ -28,23 +29,26 @@ def run_experiment(plan: Experiment, options: Options, out_dir: Path) -> list[Pa
     """Do what is still to be done in out_dir; returns the run folders.
 
     A run with the same settings that has its report is left as it is: an experiment that was
-    interrupted goes on where it was.
+    interrupted goes on where it was. Another survey or other settings are refused, before anything
+    is done: what took hours is not written over.
     """
     rows = _chosen(plan, options.only)
     out_dir.mkdir(parents=True, exist_ok=True)
     bag = _simulate(plan, options, out_dir)
     survey = yaml.safe_load(bag.with_suffix(".survey.yaml").read_text())
     duration_s = _duration_s(bag)
-    folders = []
+    folders, to_do = [], []
     for row in rows:
         folder = out_dir / row.name
         parameters = run_parameters(plan, row, options, survey, duration_s)
         settings = _settings(plan, row, options, parameters)
+        folders.append(folder)
         if _is_done(folder, settings):
             print(f"{plan.name} {row.name}: already there", flush=True)
         else:
-            _run(plan, row, options, bag, folder, settings)
-        folders.append(folder)
+            to_do.append((row, folder, settings))
+    for row, folder, settings in to_do:
+        _run(plan, row, options, bag, folder, settings)
     return folders
 
 
@@ -59,15 +63,19 @@ def _chosen(plan: Experiment, only: tuple[str, ...]) -> list[Configuration]:
 def _simulate(plan: Experiment, options: Options, out_dir: Path) -> Path:
     """The survey's bag, with what the simulator writes beside it."""
     bag = out_dir / "survey.bag"
-    command = ["rosrun", PACKAGE, "simulate_survey.py", "--mission", plan.mission]
-    command += ["--scale", str(options.scale), "--seed", str(options.seed), "--out", str(bag)]
-    note = out_dir / "survey.txt"  # written last, so that half a bag is made again
+    command = ["simulate_survey.py", "--mission", plan.mission]
+    command += ["--scale", str(options.scale), "--seed", str(options.seed)]
     text = " ".join(command)
-    if not note.is_file() or note.read_text() != text:
-        note.unlink(missing_ok=True)
-        if subprocess.run(command).returncode:
+    note = out_dir / "survey.txt"  # written last, so that half a bag is made again
+    if not note.is_file():
+        if subprocess.run(["rosrun", PACKAGE, *command, "--out", str(bag)]).returncode:
             raise ExperimentError(f"simulating failed: {text}")
         note.write_text(text)
+    elif note.read_text() != text:
+        raise ExperimentError(
+            f"{out_dir} holds the survey of '{note.read_text()}', expected that of '{text}': "
+            "choose another --out"
+        )
     return bag
 
 
@@ -95,7 +103,23 @@ def _is_done(folder: Path, settings: dict[str, Any]) -> bool:
     file = folder / SETTINGS
     if not file.is_file() or not (folder / "report.json").is_file():
         return False
-    return json.loads(file.read_text())["settings"] == settings
+    differing = sorted(_differences(json.loads(file.read_text())["settings"], settings))
+    if differing:
+        raise ExperimentError(
+            f"{folder} holds a run with other settings ({', '.join(differing)}): choose another "
+            "--out, or remove that folder"
+        )
+    return True
+
+
+def _differences(ours: dict[str, Any], theirs: dict[str, Any], group: str = "") -> Iterator[str]:
+    """Names, with their groups, of what two sets of settings do not have alike."""
+    for name in ours.keys() | theirs.keys():
+        a, b = ours.get(name), theirs.get(name)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from _differences(a, b, f"{group}{name}/")
+        elif a != b:
+            yield f"{group}{name}"
 
 
 def _run(
@@ -129,7 +153,8 @@ def _run(
         status = process.wait()
         monitor.stop().save(folder / RESOURCES)
     if status or not (folder / "report.json").is_file():
-        raise ExperimentError(f"{row.name} ended without a report; see {folder}/launch.log")
+        reason = _first_error(folder / "launch.log")
+        raise ExperimentError(f"{row.name} ended without a report{reason}; see {folder}/launch.log")
     (folder / SETTINGS).write_text(json.dumps(facts, indent=2) + "\n")
 
 
@@ -144,6 +169,14 @@ def _launched(command: list[str], log: Path) -> Iterator[subprocess.Popen]:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
             process.wait()
+
+
+def _first_error(log: Path) -> str:
+    """What a node says before it ends with a fault, or nothing."""
+    for line in log.read_text(errors="replace").splitlines():
+        if "[FATAL]" in line or "[ERROR]" in line or "error: " in line:
+            return ": " + re.sub(r"\x1b\[[0-9;]*m", "", line).strip()
+    return ""
 
 
 def _commit() -> str:

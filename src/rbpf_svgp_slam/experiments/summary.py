@@ -17,13 +17,14 @@ from rbpf_svgp_slam.experiments.runner import RESOURCES, SETTINGS
 _ROWS = (
     ("steps per particle", "iterations_per_particle"),
     ("map RMSE at held-out beams, m", "map_rmse_m"),
-    ("the same, mean of 10 particles' maps", "sampled_map_rmse_m/mean"),
+    ("the same, mean of up to 10 particles' maps", "sampled_map_rmse_m/mean"),
     ("the same, the worst of them", "sampled_map_rmse_m/worst"),
     ("RMSE of a 1 m grid of cell means, m", "grid_rmse_m"),
     ("map MSLL, nats", "map_msll"),
     ("consistency RMSE of map and beams, m", "map_consistency_rmse_m"),
     ("consistency RMSE of the passes, m", "consistency_rmse_m"),
     ("the same, dead reckoning", "dr_consistency_rmse_m"),
+    ("the same, true track", "ground_truth_consistency_rmse_m"),
     ("ATE, m", "ate_rmse_m"),
     ("ATE of dead reckoning, m", "dr_ate_rmse_m"),
     ("ATE after alignment, m", "ate_aligned_rmse_m"),
@@ -77,18 +78,22 @@ def write_summary(plan: Experiment, rows: list[Row], figures: list[Path], out_di
     first = rows[0].facts
     machine = first["machine"]
     speed = "live" if plan.live else "read directly (offline.launch)"
+    header, metrics = [""] + [title(row) for row in rows], _metrics(rows)
+    has_paper = any(label in _PAPER_LABELS.values() for label, *_ in metrics)
     lines = [
         f"# {plan.title}",
         "",
         f"Mission `{plan.mission}`, scale {first['settings']['scale']:g}, "
         f"seed {first['settings']['seed']}, {speed}. {machine['cores']} cores of {machine['cpu']}, "
-        f"{machine['memory_gb']:g} GB; commit {first['commit']}.",
+        f"{machine['memory_gb']:g} GB; commit {first['commit']}. Each run's `parameters.yaml` has "
+        "its parameters." + has_paper * " The paper's numbers are of surveys in full length.",
         "",
-        *_table([""] + [title(row) for row in rows], _metrics(rows)),
+        *_table(header, metrics),
         "",
-        "Processors kept busy (mean), and resident memory (largest), of this machine:",
+        "Processors kept busy (mean over the whole launch, its start and the report included), and "
+        "resident memory (largest), of this machine:",
         "",
-        *_table([""] + [title(row) for row in rows], _resources(rows)),
+        *_table(header, _resources(rows)),
         "",
     ]
     lines += [f"![{path.stem}]({path.relative_to(out_dir)})" for path in figures]
