@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from .consistency import Consistency
     from .report import Evaluation
 
-# Cells along an axis, at most. Few are hit by two passes, and single ones would vanish.
-_RAW_CELLS, _CONSISTENCY_CELLS = 1000, 400
+# Cells along an axis, at most. Where not all are hit, by a beam or by two passes, single ones would
+# vanish.
+_RAW_CELLS, _SPARSE_CELLS = 1000, 400
 # Cells between two pings or two beams, at most: 4 m of a 1 m map.
 _SWATH_GAP_CELLS = 2
 
@@ -145,7 +146,7 @@ def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
 def _draw_panels(panels, grid: GridMap, layers: dict[str, np.ndarray], label: str, **scale) -> None:
     """Draw layers [nx, ny] on one colour scale, with a bar for all beside the last."""
     for axes, (title, z) in zip(panels, layers.items()):
-        image = style.draw_grid(axes, grid.x, grid.y, z, **scale)
+        image = style.draw_grid(axes, grid.x, grid.y, z, max_cells=_SPARSE_CELLS, **scale)
         style.map_axes(axes, title[0].upper() + title[1:])
     style.colour_bar(image, label)
 
@@ -199,7 +200,7 @@ def consistency_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     resolution_m = evaluation.report["consistency"]["resolution_m"]
     for axes, (name, result) in zip(panels.flat, results.items()):
         x, y, error = _as_grid(run.map, result, resolution_m)
-        scale = {"cmap": style.ERROR_MAP, "max_cells": _CONSISTENCY_CELLS, **limits}
+        scale = {"cmap": style.ERROR_MAP, "max_cells": _SPARSE_CELLS, **limits}
         image = style.draw_grid(axes, x, y, error, **scale)
         style.map_axes(axes, f"{titles[name]}, RMS {result.overlap_rms_m:.3g} m")
     style.colour_bar(image, "consistency error (m)")

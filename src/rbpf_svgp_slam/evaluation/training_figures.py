@@ -63,7 +63,7 @@ def objective_curves(curves: Curves) -> tuple[Figure, str]:
         axes = figure.add_subplot()
         draw_objectives(axes, curves)
         axes.set(xlabel="time (min)", title="Training objective of one particle's map")
-        axes.legend(**style.LEGEND_ABOVE)
+        axes.legend(loc="upper right")
     return figure, (
         "Negative evidence lower bound per beam of one particle's map, a moving average, over the "
         "survey, for each run. Values above the axis, as before the first training, are cut off."
@@ -72,8 +72,10 @@ def objective_curves(curves: Curves) -> tuple[Figure, str]:
 
 def draw_objectives(axes: Axes, curves: Curves) -> None:
     """Draw curves, as for objective_curves(), with limits that show the bumps of new relief."""
-    for (label, (minutes, objective)), colour in zip(curves.items(), _colours()):
-        axes.plot(minutes, objective, color=colour, label=label, linewidth=1.2)
+    # Runs that differ in nothing that their maps depend on lie upon one another: dashes show both.
+    for k, ((label, (minutes, objective)), colour) in enumerate(zip(curves.items(), _colours())):
+        line = {"color": colour, "linestyle": "-" if k < 3 else (0, (4, 4))}
+        axes.plot(minutes, objective, label=label, linewidth=1.2, **line)
     axes.set(ylabel=_OBJECTIVE_LABEL, ylim=objective_limits([y for _, y in curves.values()]))
 
 
