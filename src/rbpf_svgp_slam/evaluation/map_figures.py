@@ -132,7 +132,9 @@ def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     _draw_panels(panels[: len(seabeds)], ours, seabeds, style.DEPTH_LABEL, **depth)
     # Beyond the swaths the map is a guess, whose errors would hide all others. Between the pings,
     # where cells are empty too, it is none.
-    swept = binary_closing(np.isfinite(seabeds["cell means"]), iterations=_SWATH_GAP_CELLS)
+    hit = np.isfinite(seabeds["cell means"])
+    # Closing alone would take away cells at the map's edge.
+    swept = hit | binary_closing(hit, iterations=_SWATH_GAP_CELLS)
     differences = {name: np.where(swept, z, np.nan) for name, z in differences.items()}
     limits = style.colour_limits(*differences.values(), symmetric=True)
     signed = {"cmap": style.DIFFERENCE_MAP, **limits}
