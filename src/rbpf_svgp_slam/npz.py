@@ -10,6 +10,7 @@ READING_ERRORS = (
     KeyError,
     OSError,
     RuntimeError,
+    TypeError,
     ValueError,
     zipfile.BadZipFile,
     zlib.error,

@@ -124,6 +124,7 @@ def test_runs_of_different_surveys_are_warned_of(folders, tmp_path, capsys):
     output = table(folders, capsys)[1]
     assert output.splitlines()[-1].startswith("Warning: these are not runs of the same survey")
     assert "beams 300\u202f000, 300\u202f000, 299\u202f999" in output and "pings 1" not in output
+    assert "**" not in output  # of different tasks none is the best
 
 
 def test_bars_and_lines_in_values_do_not_break_the_table(folders, tmp_path, capsys):

@@ -155,6 +155,35 @@ def test_the_first_error_of_a_launch_is_told(tmp_path):
     assert runner._first_error(log) == ""
 
 
+def test_it_is_told_how_far_a_run_is(tmp_path):
+    log = tmp_path / "launch.log"
+    # Says two things at a time, as replays do, and ends once both have been told.
+    says = """
+import sys, time
+for share in (10, 20):
+    lines = f"\\rreplay {share} %, 7 pings \\rreplay {share + 1} %, 8 pings "
+    print(lines, end="", flush=True)
+    sys.stdin.readline()
+sys.exit(3)
+"""
+    with log.open("w") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-c", says], stdin=subprocess.PIPE, stdout=output, text=True
+        )
+    told = []
+
+    def hear(text, **_):
+        if text not in told:
+            told.append(text)
+            process.stdin.write("\n")
+            process.stdin.flush()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runner, "print", hear, raising=False)
+        assert runner._wait(process, log, period_s=0.05) == 3
+    assert told == ["  replay 11 %, 8 pings", "  replay 21 %, 8 pings"]
+
+
 def test_a_run_is_done_only_if_its_settings_are_the_same(tmp_path):
     settings = json.loads(json.dumps({"scale": 1.0, "parameters": {"seed": 1}}))
     assert not runner._is_done(tmp_path, settings)
@@ -164,7 +193,7 @@ def test_a_run_is_done_only_if_its_settings_are_the_same(tmp_path):
     assert runner._is_done(tmp_path, settings)
     other = {"parameters": {"seed": 2, "svgp": {"optimizer": "adam"}}, "scale": 0.5}
     with pytest.raises(
-        ExperimentError, match=r"\(parameters/seed, parameters/svgp, scale\): choose"
+        ExperimentError, match=r"\(parameters/seed, parameters/svgp/optimizer, scale\): choose"
     ):
         runner._is_done(tmp_path, other)
 

@@ -207,6 +207,18 @@ def test_elbo_is_drawn_with_its_sign_turned_and_the_beams_below(run):
     assert training_figures.elbo(without(run, status_history=unknown), None) is None
 
 
+def test_the_filters_history_has_a_panel_for_each_known_series(run):
+    history = dict(run.status_history)
+    t_s = history["t_s"]
+    known = {**history, "tau": np.full(len(t_s), 0.5)}
+    unknown = {**history, "tau": np.full(len(t_s), np.nan)}  # without prompts
+    panels = []
+    for series in (known, unknown, history):
+        figure, _ = track_figures.filter_history(without(run, status_history=series), None)
+        panels.append([axes.get_ylabel() for axes in figure.axes])
+    assert panels[1] == panels[2] and panels[0] == [*panels[1], "τ"]
+
+
 def test_objective_curves_of_several_runs_share_one_axes():
     minutes = np.arange(50.0)
     curves = {f"J = {n}": (minutes, np.cos(minutes) + n) for n in (1, 10, 50, 100)}

@@ -24,11 +24,10 @@ from .trajectory import position_error
 _DESCRIPTION = """Lay the reports of several runs side by side, as a table in Markdown.
 
 Rows are the parameters that differ between the runs, then the counters and metrics of report.json;
-the lowest of each error is bold. A folder without report.json is scored first:
+the lowest of each error is bold, if the runs are of one survey. A folder without report.json is scored first:
 evaluate_run.py DIR --rewrite."""
 
-# Okabe and Ito's, without the one that dead reckoning has and the yellow that paper swallows.
-_RUN_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+_RUN_COLOURS = [c for c in style.CURVE_COLOURS if c != style.COLOURS["dead_reckoning"]]
 _MIN_WIDTH, _MAX_WIDTH = 3, 48  # of the table's columns, characters
 
 
@@ -87,8 +86,13 @@ def load_runs(folders: list[Path]) -> list[ComparedRun]:
             raise ValueError(f"{report}: no such file; evaluate_run.py --rewrite writes it")
         parameters = folder / "parameters.yaml"
         known = _load(parameters, yaml.safe_load) if parameters.is_file() else {}
-        runs.append(ComparedRun(folder, name, _load(report, json.loads), dict(flatten(known))))
+        runs.append(ComparedRun(folder, name, _load(report, json.loads), _texts(known)))
     return runs
+
+
+def _texts(parameters: dict[str, Any]) -> dict[str, str]:
+    """Parameters by slash/separated/name, as they are printed."""
+    return {name: str(value) for name, value in flatten(parameters)}
 
 
 def short_names(folders: list[Path]) -> list[str]:
@@ -118,9 +122,10 @@ def compare(runs: list[ComparedRun]) -> str:
     settings = _differing_settings(runs)
     rows = [["", *(run.name for run in runs)]]
     rows += [[name, *(run.parameters.get(name, "–") for run in runs)] for name in settings]
-    rows += [_metric_row(name, runs) for name in _reported(runs) if name not in settings]
-    text = _markdown(rows)
     warning = _survey_warning(runs)
+    metrics = [name for name in _reported(runs) if name not in settings]
+    rows += [_metric_row(name, runs, may_be_best=not warning) for name in metrics]
+    text = _markdown(rows)
     return f"{text}\n\n{warning}" if warning else text
 
 
@@ -145,12 +150,12 @@ def _reported(runs: list[ComparedRun]) -> list[str]:
     ]
 
 
-def _metric_row(name: str, runs: list[ComparedRun]) -> list[str]:
-    """A row of the table; of an error the lowest is bold, and what reads the same."""
+def _metric_row(name: str, runs: list[ComparedRun], may_be_best: bool) -> list[str]:
+    """A row of the table; of an error the lowest may be bold, and what reads the same."""
     values = [run.report.get(name) for run in runs]
     texts = [format_number(value) for value in values]
     numbers = [value for value in values if _is_number(value)]
-    if name in metric_names.ERRORS and len(set(map(format_number, numbers))) > 1:
+    if may_be_best and name in metric_names.ERRORS and len(set(map(format_number, numbers))) > 1:
         best = format_number(min(numbers))
         texts = [f"**{text}**" if text == best else text for text in texts]
     return [name, *texts]

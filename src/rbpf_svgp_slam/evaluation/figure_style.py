@@ -46,6 +46,8 @@ LEGEND_ABOVE = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderaxespad":
 LABELS = {"dead_reckoning": "dead reckoning", "estimate": "RBPF", "ground_truth": "ground truth"}
 COLOURS = {"dead_reckoning": "#D55E00", "estimate": "#0072B2", "ground_truth": "#000000"}
 START_COLOUR, CLOSURE_COLOUR, RESAMPLING_COLOUR = "#009E73", "#333333", "#CC79A7"
+# Okabe and Ito's, the darker ones first, without the yellow that paper swallows.
+CURVE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 UNKNOWN_COLOUR, VEHICLE_COLOUR = "#e3e6e9", "#D55E00"
 DEPTH_LABEL = "z (m)"
 

@@ -87,10 +87,10 @@ def format_number(value: Any) -> str:
     return f"{value:,.0f}".replace(",", "\u202f") if abs(value) >= 1000 else f"{value:.3g}"
 
 
-def flatten(config: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the parameters as (slash/separated/name, value)."""
+def flatten(config: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the parameters of nested groups as (slash/separated/name, value)."""
     for key, value in config.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{key}/")
         else:
-            yield f"{prefix}{key}", str(value)
+            yield f"{prefix}{key}", value

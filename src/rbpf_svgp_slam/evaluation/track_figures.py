@@ -186,7 +186,8 @@ def _corrections(run: SurveyRun) -> Drawn:
 def filter_history(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     """Draw what the filter did over time, one panel per recorded series."""
     history = run.status_history
-    panels = [panel for panel in _HISTORY_PANELS if len(history.get(panel[0], ()))]
+    # A run of mapping only has prompted nothing: no τ.
+    panels = [p for p in _HISTORY_PANELS if np.isfinite(history.get(p[0], np.nan)).any()]
     if not panels or not len(history.get("t_s", ())) or not len(run.stamp_s):
         return None
     figure = Figure(figsize=(style.WIDTH_IN, 0.7 + 1.15 * len(panels)))

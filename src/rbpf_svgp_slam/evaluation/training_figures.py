@@ -73,7 +73,7 @@ def objective_curves(curves: Curves) -> tuple[Figure, str]:
 def draw_objectives(axes: Axes, curves: Curves) -> None:
     """Draw curves, as for objective_curves(), with limits that show the bumps of new relief."""
     # Runs that differ in nothing that their maps depend on lie upon one another: dashes show both.
-    for k, ((label, (minutes, objective)), colour) in enumerate(zip(curves.items(), _colours())):
+    for k, ((label, (minutes, objective)), colour) in enumerate(zip(curves.items(), style.CURVE_COLOURS)):
         line = {"color": colour, "linestyle": "-" if k < 3 else (0, (4, 4))}
         axes.plot(minutes, objective, label=label, linewidth=1.2, **line)
     axes.set(ylabel=_OBJECTIVE_LABEL, ylim=objective_limits([y for _, y in curves.values()]))
@@ -92,8 +92,3 @@ def objective_limits(objectives: list[np.ndarray]) -> tuple[float, float] | None
     low, high = lowest.min(), np.minimum(highest, median + 3 * (usual - median)).max()
     margin = 0.06 * (high - low) or 0.5
     return low - margin, high + margin
-
-
-def _colours() -> list[str]:
-    """Okabe and Ito's, the darker ones first."""
-    return ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"]

@@ -15,6 +15,7 @@ import rosbag
 import yaml
 
 from rbpf_svgp_slam import machine
+from rbpf_svgp_slam.evaluation.page import flatten
 from rbpf_svgp_slam.experiments import ExperimentError
 from rbpf_svgp_slam.experiments.load import busy_core
 from rbpf_svgp_slam.experiments.plan import Configuration, Experiment, Options, run_parameters
@@ -22,7 +23,9 @@ from rbpf_svgp_slam.experiments.resources import Monitor
 
 PACKAGE = "rbpf_svgp_slam"
 RESOURCE_PERIOD_S = 5.0
+PROGRESS_PERIOD_S = 60.0
 SETTINGS, RESOURCES = "settings.json", "resources.npz"
+_PROGRESS = ("replay ", "offline replay: ")  # how replay.launch's and offline.launch's lines begin
 
 
 def run_experiment(plan: Experiment, options: Options, out_dir: Path) -> list[Path]:
@@ -103,23 +106,14 @@ def _is_done(folder: Path, settings: dict[str, Any]) -> bool:
     file = folder / SETTINGS
     if not file.is_file() or not (folder / "report.json").is_file():
         return False
-    differing = sorted(_differences(json.loads(file.read_text())["settings"], settings))
+    ours, theirs = dict(flatten(json.loads(file.read_text())["settings"])), dict(flatten(settings))
+    differing = sorted(n for n in ours.keys() | theirs.keys() if ours.get(n) != theirs.get(n))
     if differing:
         raise ExperimentError(
             f"{folder} holds a run with other settings ({', '.join(differing)}): choose another "
             "--out, or remove that folder"
         )
     return True
-
-
-def _differences(ours: dict[str, Any], theirs: dict[str, Any], group: str = "") -> Iterator[str]:
-    """Names, with their groups, of what two sets of settings do not have alike."""
-    for name in ours.keys() | theirs.keys():
-        a, b = ours.get(name), theirs.get(name)
-        if isinstance(a, dict) and isinstance(b, dict):
-            yield from _differences(a, b, f"{group}{name}/")
-        elif a != b:
-            yield f"{group}{name}"
 
 
 def _run(
@@ -150,7 +144,7 @@ def _run(
     }
     with busy_core(plan.other_load), _launched(command, folder / "launch.log") as process:
         monitor = Monitor(process.pid, RESOURCE_PERIOD_S)
-        status = process.wait()
+        status = _wait(process, folder / "launch.log")
         monitor.stop().save(folder / RESOURCES)
     if status or not (folder / "report.json").is_file():
         reason = _first_error(folder / "launch.log")
@@ -169,6 +163,24 @@ def _launched(command: list[str], log: Path) -> Iterator[subprocess.Popen]:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
             process.wait()
+
+
+def _wait(process: subprocess.Popen, log: Path, period_s: float = PROGRESS_PERIOD_S) -> int:
+    """Wait for its end, telling now and then how far it is; returns its exit status."""
+    while True:
+        try:
+            return process.wait(period_s)
+        except subprocess.TimeoutExpired:
+            progress = _progress(log)
+            if progress:
+                print(f"  {progress}", flush=True)
+
+
+def _progress(log: Path) -> str:
+    """The newest line in which a replay says how far it is; empty before the first."""
+    # Each is written over the one before, by a carriage return: one more end of a line to Python.
+    lines = log.read_text(errors="replace").splitlines()
+    return next((line.strip() for line in reversed(lines) if line.startswith(_PROGRESS)), "")
 
 
 def _first_error(log: Path) -> str:

@@ -1,10 +1,10 @@
 """Seabed grids: files, bilinear lookup, and a generator of fractal relief with dunes."""
 
 import dataclasses
-import zipfile
 
 import numpy as np
 
+from rbpf_svgp_slam.npz import READING_ERRORS
 from rbpf_svgp_slam.survey import SurveyError
 
 
@@ -80,7 +80,7 @@ def _read_npz(path):
             return {key: npz[key] for key in npz.files}
     except FileNotFoundError:
         raise SurveyError(f"terrain {path}: no such file") from None
-    except (OSError, ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
+    except READING_ERRORS as error:
         raise SurveyError(f"terrain {path}: expected an npz file ({error})") from None
 
 
