@@ -24,8 +24,8 @@ from .trajectory import position_error
 _DESCRIPTION = """Lay the reports of several runs side by side, as a table in Markdown.
 
 Rows are the parameters that differ between the runs, then the counters and metrics of report.json;
-the lowest of each error is bold, if the runs are of one survey. A folder without report.json is scored first:
-evaluate_run.py DIR --rewrite."""
+the lowest of each error is bold, if the runs are of one survey. A folder without report.json is
+scored first: evaluate_run.py DIR --rewrite."""
 
 _RUN_COLOURS = [c for c in style.CURVE_COLOURS if c != style.COLOURS["dead_reckoning"]]
 _MIN_WIDTH, _MAX_WIDTH = 3, 48  # of the table's columns, characters

@@ -73,7 +73,8 @@ def objective_curves(curves: Curves) -> tuple[Figure, str]:
 def draw_objectives(axes: Axes, curves: Curves) -> None:
     """Draw curves, as for objective_curves(), with limits that show the bumps of new relief."""
     # Runs that differ in nothing that their maps depend on lie upon one another: dashes show both.
-    for k, ((label, (minutes, objective)), colour) in enumerate(zip(curves.items(), style.CURVE_COLOURS)):
+    coloured = zip(curves.items(), style.CURVE_COLOURS)
+    for k, ((label, (minutes, objective)), colour) in enumerate(coloured):
         line = {"color": colour, "linestyle": "-" if k < 3 else (0, (4, 4))}
         axes.plot(minutes, objective, label=label, linewidth=1.2, **line)
     axes.set(ylabel=_OBJECTIVE_LABEL, ylim=objective_limits([y for _, y in curves.values()]))
