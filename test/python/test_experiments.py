@@ -155,11 +155,11 @@ def test_the_first_error_of_a_launch_is_told(tmp_path):
     assert runner._first_error(log) == ""
 
 
-def test_it_is_told_how_far_a_run_is(tmp_path):
+def test_it_is_told_how_far_a_run_is(tmp_path, monkeypatch):
     log = tmp_path / "launch.log"
     # Says two things at a time, as replays do, and ends once both have been told.
     says = """
-import sys, time
+import sys
 for share in (10, 20):
     lines = f"\\rreplay {share} %, 7 pings \\rreplay {share + 1} %, 8 pings "
     print(lines, end="", flush=True)
@@ -178,9 +178,8 @@ sys.exit(3)
             process.stdin.write("\n")
             process.stdin.flush()
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "print", hear, raising=False)
-        assert runner._wait(process, log, period_s=0.05) == 3
+    monkeypatch.setattr(runner, "print", hear, raising=False)
+    assert runner._wait(process, log, period_s=0.05) == 3
     assert told == ["  replay 11 %, 8 pings", "  replay 21 %, 8 pings"]
 
 
