@@ -14,7 +14,7 @@ from matplotlib.axes import Axes  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import FuncFormatter, LogLocator  # noqa: E402
 
-from rbpf_svgp_slam.evaluation.figure_style import STYLE, WIDTH_IN  # noqa: E402
+from rbpf_svgp_slam.figures.figure_style import STYLE, WIDTH_IN  # noqa: E402
 
 matplotlib.rcParams.update(STYLE)
 

@@ -3,7 +3,7 @@
 
 import sys
 
-from rbpf_svgp_slam.ros.map_node_start import start
+from rbpf_svgp_slam.map_node.start import start
 
 if __name__ == "__main__":
     sys.exit(start())

@@ -3,7 +3,7 @@
 
 import sys
 
-from rbpf_svgp_slam.ros.node_group import start_map_nodes
+from rbpf_svgp_slam.map_node.launcher import start_map_nodes
 
 if __name__ == "__main__":
     sys.exit(start_map_nodes(sys.argv[1:]))

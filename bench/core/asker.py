@@ -8,7 +8,7 @@ import sys
 
 import rospy
 
-from rbpf_svgp_slam.ros.core_client import SERVICE
+from rbpf_svgp_slam.protocol.names import GET_MINIBATCHES
 from rbpf_svgp_slam.srv import GetMinibatches
 
 MINIBATCH_SIZE = 1000
@@ -20,8 +20,8 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     first, last = map(int, sys.argv[1:])
     rospy.init_node(f"asker_{first}", disable_signals=True)
-    rospy.wait_for_service(SERVICE)
-    ask = rospy.ServiceProxy(SERVICE, GetMinibatches, persistent=True)
+    rospy.wait_for_service(GET_MINIBATCHES)
+    ask = rospy.ServiceProxy(GET_MINIBATCHES, GetMinibatches, persistent=True)
     replies = 0
     try:
         while True:

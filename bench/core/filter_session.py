@@ -13,7 +13,7 @@ import rospy
 import yaml
 from std_srvs.srv import Trigger
 
-from bench.ros_session import running, rss_mb, wait_until
+from bench.ros_session import rss_mb, running, wait_until
 from rbpf_svgp_slam.msg import MapStatus
 
 S, M = 400, 1000

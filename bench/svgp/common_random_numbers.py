@@ -25,7 +25,7 @@ from bench.svgp.surveys import (
     smooth_relief,
 )
 from rbpf_svgp_slam.maps import MapEngine, MapFactory
-from rbpf_svgp_slam.polygon import survey_origin
+from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
 S, M, STEPS, BEAMS = 225, 500, 300, 100_000
 #: A streaming map's beams when it is rebuilt from a sample.

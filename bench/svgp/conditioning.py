@@ -21,7 +21,7 @@ from torch import Tensor
 
 from bench.svgp import in_process
 from rbpf_svgp_slam.maps import MapEngine
-from rbpf_svgp_slam.survey.terrain import generate_terrain
+from rbpf_svgp_slam.simulation.terrain import generate_terrain
 from rbpf_svgp_slam.svgp import linalg, natural
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.inducing import grid_pitch_m

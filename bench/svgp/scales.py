@@ -15,8 +15,8 @@ import numpy as np
 
 from bench.svgp import in_process
 from rbpf_svgp_slam.maps import MapEngine
-from rbpf_svgp_slam.polygon import survey_origin
-from rbpf_svgp_slam.survey.terrain import generate_terrain
+from rbpf_svgp_slam.simulation.terrain import generate_terrain
+from rbpf_svgp_slam.survey_area.polygon import survey_origin
 from rbpf_svgp_slam.svgp.inducing import grid_pitch_m
 
 S, M, STEPS, BEAMS, HELD_OUT = 400, 1000, 300, 100_000, 4000

@@ -16,11 +16,11 @@ import yaml
 
 from bench.ros_session import cpu_s, master, running, simulated_survey, wait_until
 from bench.svgp.two_nodes import NODES, Status
-from rbpf_svgp_slam.evaluation import place_beams
+from rbpf_svgp_slam.map_node.core_client import BeamReader
 from rbpf_svgp_slam.maps import load_map
-from rbpf_svgp_slam.polygon import survey_origin
-from rbpf_svgp_slam.ros.core_client import BeamReader
-from rbpf_svgp_slam.ros.survey_client import fetch_map, fetch_survey
+from rbpf_svgp_slam.recorder.survey_client import fetch_map, fetch_survey
+from rbpf_svgp_slam.run.survey_run import place_beams
+from rbpf_svgp_slam.survey_area.polygon import survey_origin
 from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 PARTICLES = 100

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbpf_svgp_slam.survey.terrain import Terrain, generate_terrain
+from rbpf_svgp_slam.simulation.terrain import Terrain, generate_terrain
 
 AREA_M = (200.0, 150.0)
 SEABED_M = -30.0

@@ -25,7 +25,7 @@ class MinibatchTrainer:
 
 
 class StreamTrainer(MinibatchTrainer):
-    """A map that takes in every beam once, with its teacher: see ros/training.py.
+    """A map that takes in every beam once, with its teacher: see map_node/training.py.
 
     It pays for the teacher alone, as in a node of one map.
     """
@@ -33,7 +33,7 @@ class StreamTrainer(MinibatchTrainer):
     def __init__(self, factory: Any, beams: np.ndarray, M: int, rng: np.random.Generator) -> None:
         """factory: `MapFactory`; the rest as above."""
         # here, since it loads ROS, which the others do without
-        from rbpf_svgp_slam.ros.training import BLOCK_BEAMS, REBUILD_SHARE
+        from rbpf_svgp_slam.map_node.training import BLOCK_BEAMS, REBUILD_SHARE
 
         super().__init__(factory.create(), beams, M, rng)
         self._block, self._pause = BLOCK_BEAMS, 1.0 / REBUILD_SHARE - 1.0

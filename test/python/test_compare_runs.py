@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 import yaml
 
-from rbpf_svgp_slam.evaluation import write_tum
-from rbpf_svgp_slam.evaluation.compare_runs import draw_position_errors, load_runs, main
-from rbpf_svgp_slam.evaluation.compare_runs import short_names
+from rbpf_svgp_slam.evaluation.compare_runs import (
+    draw_position_errors,
+    load_runs,
+    main,
+    short_names,
+)
+from rbpf_svgp_slam.run.tracks import write_tum
 
 PACKAGE = Path(__file__).parents[2]
 PARAMETERS = {"particles": 40, "seed": 1, "svgp": {"kernel": "matern12", "inducing_points": 400}}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rospy import rostime
 
-from rbpf_svgp_slam.ros import core_client
-from rbpf_svgp_slam.ros.background import AtOnce, Background
-from rbpf_svgp_slam.ros.core_client import MinibatchFeed, Minibatches
+from rbpf_svgp_slam.map_node import core_client
+from rbpf_svgp_slam.map_node.background import AtOnce, Background
+from rbpf_svgp_slam.map_node.core_client import Minibatches, MinibatchFeed
 
 SOON_S = 5.0  # for what is expected to happen: reached only by a bug
 SIZE = 10

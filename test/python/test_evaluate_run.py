@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 from test_evaluation import make_run, random_tracks
 
-from rbpf_svgp_slam.evaluation import evaluate, metric_names, write_run, write_tum
 from rbpf_svgp_slam.evaluation.evaluate_run import NO_EVO, main
-from rbpf_svgp_slam.evaluation.evo_errors import evo_errors
+from rbpf_svgp_slam.evaluation.report import write_run
+from rbpf_svgp_slam.metrics import metric_names
+from rbpf_svgp_slam.metrics.evaluation import evaluate
+from rbpf_svgp_slam.metrics.evo_errors import evo_errors
+from rbpf_svgp_slam.run.tracks import write_tum
 
 PACKAGE = Path(__file__).parents[2]
 # Two programs' sums over the same doubles.

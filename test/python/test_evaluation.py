@@ -12,16 +12,18 @@ from hypothesis import strategies as st
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from rbpf_svgp_slam.evaluation import GridMap, SurveyRun, interpolate_poses, read_tum
-from rbpf_svgp_slam.evaluation import evaluate, write_run, write_tum
-from rbpf_svgp_slam.evaluation import cells, map_metrics, trajectory
-from rbpf_svgp_slam.evaluation.consistency import (
+from rbpf_svgp_slam.evaluation.report import write_run
+from rbpf_svgp_slam.metrics import cells, map_metrics
+from rbpf_svgp_slam.metrics import trajectory_errors as trajectory
+from rbpf_svgp_slam.metrics.consistency import (
     ConsistencySettings,
     consistency,
     farthest_pass_distance,
     split_passes,
 )
-from rbpf_svgp_slam.evaluation.report import json_ready
+from rbpf_svgp_slam.metrics.evaluation import evaluate, json_ready
+from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
+from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum, write_tum
 
 CONTRACT = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s real_time_factor "

@@ -16,7 +16,7 @@ from rbpf_svgp_slam.experiments import ExperimentError, cli, plan, runner, summa
 from rbpf_svgp_slam.experiments.figures import resource_figure, smoothed
 from rbpf_svgp_slam.experiments.load import busy_core
 from rbpf_svgp_slam.experiments.resources import Monitor, Usage, group_of
-from rbpf_svgp_slam.survey.mission import MISSIONS
+from rbpf_svgp_slam.simulation.mission import MISSIONS
 
 SURVEY = {"survey_area": [[0, 0], [9, 0], [9, 9]], "motion": {"surge_std_m": 0.1}}
 # Prints a line once it has begun, so that a test does not measure python's start.

@@ -11,9 +11,17 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 from test_evaluation import lawn_mower, make_run, without
 
-from rbpf_svgp_slam.evaluation import GridMap, TimeLapse, evaluate, write_report
-from rbpf_svgp_slam.evaluation import figure_style, map_figures, page, time_lapse_figures
-from rbpf_svgp_slam.evaluation import track_figures, training_figures
+from rbpf_svgp_slam.evaluation import page
+from rbpf_svgp_slam.evaluation.report import write_report
+from rbpf_svgp_slam.figures import (
+    figure_style,
+    map_figures,
+    time_lapse_figures,
+    track_figures,
+    training_figures,
+)
+from rbpf_svgp_slam.metrics.evaluation import evaluate
+from rbpf_svgp_slam.run.survey_run import GridMap, TimeLapse
 
 MAP_FIGURES = (
     "trajectories raw_bathymetry posterior seabed_maps consistency_maps time_lapse".split()

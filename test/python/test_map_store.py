@@ -9,8 +9,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from rbpf_svgp_slam.ros.map_store import MapStore, Moved
-from rbpf_svgp_slam.ros.payload import BadRequest
+from rbpf_svgp_slam.map_node.map_store import MapStore, Moved
+from rbpf_svgp_slam.protocol.payload import BadRequest
 
 TIMEOUT_S = 5.0  # for what is expected to happen: reached only by a bug
 SHORT_S = 0.05  # for what is expected not to happen

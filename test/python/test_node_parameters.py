@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import yaml
 
-from rbpf_svgp_slam.polygon import survey_origin
+from rbpf_svgp_slam.map_node.map_store import share
 from rbpf_svgp_slam.maps import make_factory
-from rbpf_svgp_slam.ros.map_store import share
-from rbpf_svgp_slam.ros.parameters import ParameterError, validate, validate_index
-from rbpf_svgp_slam.ros.survey_grid import survey_grid
+from rbpf_svgp_slam.parameters.loading import ParameterError, validate, validate_index
+from rbpf_svgp_slam.survey_area.grid import survey_grid
+from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
 DEFAULT = Path(__file__).parents[2] / "config" / "default.yaml"
 TRIANGLE = [[0.0, 0.0], [40, 0], [0, 20.0]]

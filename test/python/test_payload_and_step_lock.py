@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from rbpf_svgp_slam.ros.payload import BadRequest, pack, split, unpack
-from rbpf_svgp_slam.ros.step_lock import StepLock
+from rbpf_svgp_slam.map_node.step_lock import StepLock
+from rbpf_svgp_slam.protocol.payload import BadRequest, pack, split, unpack
 
 TIMEOUT_S = 5.0  # for what is expected to happen: reached only by a bug
 QUEUEING_S = 0.05  # for a thread to get as far as the lock

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from test_evaluation import make_run
 
-from rbpf_svgp_slam.evaluation import RunFolderError, StoredMap, TimeLapse, evaluate, load_run
-from rbpf_svgp_slam.evaluation import write_run
+from rbpf_svgp_slam.evaluation.report import write_run
 from rbpf_svgp_slam.maps import make_engine_class
+from rbpf_svgp_slam.metrics.evaluation import evaluate
+from rbpf_svgp_slam.run.run_files import RunFolderError, load_run
+from rbpf_svgp_slam.run.survey_run import StoredMap, TimeLapse
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 
 

@@ -3,7 +3,7 @@
 import math
 from types import SimpleNamespace
 
-from rbpf_svgp_slam.ros.run_folder import _median
+from rbpf_svgp_slam.recorder.assembly import _median
 
 
 def test_times_count_once_however_often_they_are_reported():

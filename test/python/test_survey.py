@@ -8,22 +8,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rbpf_svgp_slam.survey import SurveyError, sonar
-from rbpf_svgp_slam.survey.dead_reckoning import (
+from rbpf_svgp_slam.bags.recorded_survey import Trajectory, rotation_from_rpy
+from rbpf_svgp_slam.simulation import SurveyError, sonar
+from rbpf_svgp_slam.simulation.dead_reckoning import (
     DeadReckoningNoise,
     horizontal_errors,
     integrate_twist,
     simulate_dead_reckoning,
 )
-from rbpf_svgp_slam.survey.mission import MISSIONS, get_mission, plan_waypoints
-from rbpf_svgp_slam.survey.simulation import make_terrain, simulate_survey
-from rbpf_svgp_slam.survey.terrain import Terrain, load_terrain, save_terrain
-from rbpf_svgp_slam.survey.vehicle import (
-    Trajectory,
-    levelling_rotation,
-    rotation_from_rpy,
-    simulate_vehicle,
-)
+from rbpf_svgp_slam.simulation.mission import MISSIONS, get_mission, plan_waypoints
+from rbpf_svgp_slam.simulation.simulation import make_terrain, simulate_survey
+from rbpf_svgp_slam.simulation.terrain import Terrain, load_terrain, save_terrain
+from rbpf_svgp_slam.simulation.vehicle import levelling_rotation, simulate_vehicle
 
 REAL_SEABED = pathlib.Path(__file__).resolve().parents[3] / "shared/data/block_b_1m.npz"
 QUIET = sonar.SonarNoise(range_fraction=0, angle_rad=0, outlier_share=0, nan_share=0)

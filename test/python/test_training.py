@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from rospy import rostime
 
+from rbpf_svgp_slam.map_node import training
+from rbpf_svgp_slam.map_node.background import AtOnce, carry_out
+from rbpf_svgp_slam.map_node.core_client import Beams, Minibatches
+from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.map_node.training import MinibatchTraining, StreamTraining
 from rbpf_svgp_slam.maps import make_factory
-from rbpf_svgp_slam.ros import training
-from rbpf_svgp_slam.ros.background import AtOnce, carry_out
-from rbpf_svgp_slam.ros.core_client import Beams, Minibatches
-from rbpf_svgp_slam.ros.map_store import MapStore
-from rbpf_svgp_slam.ros.training import MinibatchTraining, StreamTraining
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 
 AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]

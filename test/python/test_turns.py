@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rospy import rostime
 
+from rbpf_svgp_slam.map_node import turns
+from rbpf_svgp_slam.map_node.core_client import Minibatches
+from rbpf_svgp_slam.map_node.turns import TurnFeed, WorkClock
 from rbpf_svgp_slam.msg import MapStatus
-from rbpf_svgp_slam.ros import turns
-from rbpf_svgp_slam.ros.core_client import Minibatches
-from rbpf_svgp_slam.ros.turns import TurnFeed, WorkClock
 from rbpf_svgp_slam.srv import TakeTurnResponse
 
 SOON_S = 5.0  # for what is expected to happen: reached only by a bug

@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from rbpf_svgp_slam import srv
-from rbpf_svgp_slam.ros.payload import unpack
+from rbpf_svgp_slam.protocol.payload import unpack
 
 PARTICLES = 3
 DURATION_S, BEAMS = 20, 8  # a ping a second

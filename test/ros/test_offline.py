@@ -20,7 +20,7 @@ import yaml
 from sensor_msgs.msg import PointCloud2
 
 from rbpf_svgp_slam.msg import MapStatus
-from rbpf_svgp_slam.ros.payload import split
+from rbpf_svgp_slam.protocol.payload import split
 from rbpf_svgp_slam.srv import GetMaps
 
 MASTER = rosgraph.Master("/test_offline")

@@ -16,7 +16,7 @@ from sensor_msgs.msg import PointCloud2
 
 from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
-from rbpf_svgp_slam.ros.payload import pack, split, unpack
+from rbpf_svgp_slam.protocol.payload import pack, split, unpack
 
 PARTICLES, NODES = 5, 2
 OWN = [range(0, 3), range(3, 5)]

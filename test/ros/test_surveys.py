@@ -19,7 +19,7 @@ import rostest
 import yaml
 from std_srvs.srv import Trigger
 
-from rbpf_svgp_slam.evaluation import read_tum
+from rbpf_svgp_slam.run.tracks import read_tum
 
 PACKAGE = Path(rospkg.RosPack().get_path("rbpf_svgp_slam"))
 REPORT_FIELDS = (

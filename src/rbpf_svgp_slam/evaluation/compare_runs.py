@@ -15,11 +15,12 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
-from . import figure_style as style
-from . import metric_names
-from .page import flatten, format_number
-from .run_files import load_tracks
-from .trajectory import position_error
+from rbpf_svgp_slam.evaluation.numbers import format_number
+from rbpf_svgp_slam.figures import figure_style as style
+from rbpf_svgp_slam.metrics import metric_names
+from rbpf_svgp_slam.metrics.trajectory_errors import position_error
+from rbpf_svgp_slam.nested import flatten
+from rbpf_svgp_slam.run.run_files import load_tracks
 
 _DESCRIPTION = """Lay the reports of several runs side by side, as a table in Markdown.
 

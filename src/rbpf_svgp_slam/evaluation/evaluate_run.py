@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from . import metric_names
-from .evo_errors import evo_errors
-from .report import evaluate, json_ready, write_report
-from .run_files import load_run, load_tracks
-from .survey_run import SurveyRun
+from rbpf_svgp_slam.evaluation.report import write_report
+from rbpf_svgp_slam.metrics import metric_names
+from rbpf_svgp_slam.metrics.evaluation import evaluate, json_ready
+from rbpf_svgp_slam.metrics.evo_errors import evo_errors
+from rbpf_svgp_slam.run.run_files import load_run, load_tracks
+from rbpf_svgp_slam.run.survey_run import SurveyRun
 
 _DESCRIPTION = """Compute all metrics of a run folder anew, and its trajectory errors by evo.
 

@@ -6,7 +6,7 @@ import argparse
 import signal
 import sys
 from pathlib import Path
-from typing import Any, Iterator, Sequence
+from typing import Any, Sequence
 
 import rospkg
 import yaml
@@ -16,6 +16,7 @@ from rbpf_svgp_slam.experiments.figures import draw_experiment
 from rbpf_svgp_slam.experiments.plan import Options, experiment
 from rbpf_svgp_slam.experiments.runner import PACKAGE, run_experiment
 from rbpf_svgp_slam.experiments.summary import read_rows, write_summary
+from rbpf_svgp_slam.nested import unknown_names
 
 _DESCRIPTION = """Carry out one of the three experiments of Torroba et al. (2023) on a simulated
 survey: exp1 mapping only, exp2 live beside another load, exp3 SLAM. DIR gets the survey, a run
@@ -87,15 +88,6 @@ def _overlay(path: Path | None) -> dict[str, Any]:
         raise ExperimentError(f"{path}: expected parameters by name, as in config/default.yaml")
     default = Path(rospkg.RosPack().get_path(PACKAGE)) / "config" / "default.yaml"
     # The nodes check the values; a name that is wrong should not cost a simulation first.
-    for name in _unknown(overlay, yaml.safe_load(default.read_text())):
+    for name in unknown_names(overlay, yaml.safe_load(default.read_text())):
         raise ExperimentError(f"{path}: {name} is unknown, expected names of config/default.yaml")
     return overlay
-
-
-def _unknown(overlay: dict[str, Any], known: dict[str, Any], group: str = "") -> Iterator[str]:
-    """Names, with their groups, that `known` does not have."""
-    for name, value in overlay.items():
-        if name not in known:
-            yield f"{group}{name}"
-        elif isinstance(value, dict) and isinstance(known[name], dict):
-            yield from _unknown(value, known[name], f"{group}{name}/")

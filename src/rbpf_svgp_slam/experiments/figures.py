@@ -9,16 +9,17 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from rbpf_svgp_slam.evaluation import SurveyRun, evaluate, load_run
-from rbpf_svgp_slam.evaluation import figure_style as style
-from rbpf_svgp_slam.evaluation.page import draw_figures, to_png
-from rbpf_svgp_slam.evaluation.report import Evaluation
-from rbpf_svgp_slam.evaluation.track_figures import trajectories
-from rbpf_svgp_slam.evaluation.training_figures import objective_curves
 from rbpf_svgp_slam.experiments.plan import Experiment
 from rbpf_svgp_slam.experiments.resources import Usage
 from rbpf_svgp_slam.experiments.summary import Row, title
-from rbpf_svgp_slam.survey.mission import get_mission, plan_waypoints
+from rbpf_svgp_slam.figures import figure_style as style
+from rbpf_svgp_slam.figures.report_figures import draw_figures, to_png
+from rbpf_svgp_slam.figures.track_figures import trajectories
+from rbpf_svgp_slam.figures.training_figures import objective_curves
+from rbpf_svgp_slam.metrics.evaluation import Evaluation, evaluate
+from rbpf_svgp_slam.run.run_files import load_run
+from rbpf_svgp_slam.run.survey_run import SurveyRun
+from rbpf_svgp_slam.simulation.mission import get_mission, plan_waypoints
 
 
 def draw_experiment(plan: Experiment, rows: list[Row], out_dir: Path) -> list[Path]:

@@ -1,6 +1,6 @@
 """What is run in each of the paper's experiments, and what the paper reports of it.
 
-The paper's parameters as far as they are known: the missions' (survey/mission.py), S and M, the
+The paper's parameters as far as they are known: the missions' (simulation/mission.py), S and M, the
 optimizer, (J, B) and f_LC. All else is config/default.yaml's.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rbpf_svgp_slam.experiments import ExperimentError
+from rbpf_svgp_slam.nested import merged
 
 # Of all maps together, about what two cores manage live.
 LIVE_ADAM_STEPS_PER_S = 100.0
@@ -92,15 +93,6 @@ def run_parameters(
     for overlay in (survey, plan.parameters, run, options.overlay):
         parameters = merged(parameters, overlay)
     return parameters
-
-
-def merged(base: dict[str, Any], overlay: dict[str, Any]) -> dict[str, Any]:
-    """`base` with all that `overlay` says, group by group."""
-    result = dict(base)
-    for name, value in overlay.items():
-        is_group = isinstance(value, dict) and isinstance(result.get(name), dict)
-        result[name] = merged(result[name], value) if is_group else value
-    return result
 
 
 def _steps_per_second(

@@ -15,11 +15,11 @@ import rosbag
 import yaml
 
 from rbpf_svgp_slam import machine
-from rbpf_svgp_slam.evaluation.page import flatten
 from rbpf_svgp_slam.experiments import ExperimentError
 from rbpf_svgp_slam.experiments.load import busy_core
 from rbpf_svgp_slam.experiments.plan import Configuration, Experiment, Options, run_parameters
 from rbpf_svgp_slam.experiments.resources import Monitor
+from rbpf_svgp_slam.nested import flatten
 
 PACKAGE = "rbpf_svgp_slam"
 RESOURCE_PERIOD_S = 5.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rbpf_svgp_slam.evaluation.page import format_number
+from rbpf_svgp_slam.evaluation.numbers import format_number
 from rbpf_svgp_slam.experiments.plan import Configuration, Experiment
 from rbpf_svgp_slam.experiments.resources import Usage
 from rbpf_svgp_slam.experiments.runner import RESOURCES, SETTINGS

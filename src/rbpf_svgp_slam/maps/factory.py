@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rbpf_svgp_slam.maps.engine import MapEngine
-from rbpf_svgp_slam.polygon import survey_origin
+from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
 #: Name under `map/engine`, which is also the engine's parameter group: module and class.
 ENGINES = {"svgp": ("rbpf_svgp_slam.svgp.svgp_map", "SvgpMap")}

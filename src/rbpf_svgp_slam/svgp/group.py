@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import torch
 
 from rbpf_svgp_slam.svgp.config import SvgpConfig
-from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.optimizers import OPTIMIZERS, NaturalGradient
+from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.optimizers.optimizer import Optimizer
 from rbpf_svgp_slam.svgp.optimizers.streaming import FixedModel
 from rbpf_svgp_slam.svgp.parameters import Model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rbpf_svgp_slam.polygon import inside
+from rbpf_svgp_slam.survey_area.polygon import inside
 
 #: Ratio of a grid's two pitches, at most; its choice of rows and columns is made within.
 LARGEST_PITCH_RATIO = 1.25

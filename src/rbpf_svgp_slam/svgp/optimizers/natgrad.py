@@ -13,9 +13,9 @@ from torch import Tensor
 from rbpf_svgp_slam.svgp import linalg, work_space
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.kernels import Correlation
-from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.natural import Site
 from rbpf_svgp_slam.svgp.objective import Objective
+from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.optimizers.optimizer import (
     NotFinite,
     Optimizer,

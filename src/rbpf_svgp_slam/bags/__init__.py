@@ -1,0 +1,1 @@
+"""Surveys as rosbags, whether simulated or imported."""

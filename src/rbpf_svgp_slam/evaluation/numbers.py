@@ -1,0 +1,18 @@
+"""Numbers as a reader of reports and tables sees them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def format_number(value: Any) -> str:
+    """Format a quantity for a reader: three significant digits, thousands apart, – for None."""
+    if value is None:
+        return "–"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {format_number(item)}" for key, item in value.items())
+    if isinstance(value, (bool, str)):
+        return str(value)
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", "\u202f")
+    return f"{value:,.0f}".replace(",", "\u202f") if abs(value) >= 1000 else f"{value:.3g}"

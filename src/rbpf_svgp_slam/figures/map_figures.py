@@ -1,0 +1,222 @@
+"""Figures of the seabed: as measured, as mapped, their residuals, and the survey's consistency.
+
+Each function returns a figure and its caption, or None where the run has no data for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from scipy.ndimage import binary_closing
+from scipy.stats import norm
+
+from rbpf_svgp_slam.figures import figure_style as style
+from rbpf_svgp_slam.figures.track_figures import Drawn, draw_track, mark_start_and_end
+from rbpf_svgp_slam.metrics.consistency import Consistency
+from rbpf_svgp_slam.metrics.evaluation import Evaluation
+from rbpf_svgp_slam.metrics.map_metrics import GRID_RESOLUTION_M, grid_on, terrain_at
+from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
+
+# Cells along an axis, at most. Where not all are hit, by a beam or by two passes, single ones would
+# vanish.
+_RAW_CELLS, _SPARSE_CELLS = 1000, 400
+# Cells between two pings or two beams, at most: 4 m of a 1 m map.
+_SWATH_GAP_CELLS = 2
+
+
+def raw_bathymetry(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw what the sonar measured, placed by dead reckoning alone."""
+    raw = grid_of_beams(run, run.dead_reckoning, run.beams_dead_reckoning)
+    if raw is None:
+        return None
+    figure, [[axes]] = style.map_subplots(run, 1)
+    limits = style.colour_limits(raw.mean)
+    image = style.draw_grid(
+        axes, raw.x, raw.y, raw.mean, relief=True, cmap=style.DEPTH_MAP, **limits
+    )
+    style.colour_bar(image, style.DEPTH_LABEL)
+    draw_track(axes, "dead_reckoning", run.dead_reckoning)
+    if run.ground_truth is not None:
+        draw_track(axes, "ground_truth", run.ground_truth)
+    mark_start_and_end(axes, run.dead_reckoning)
+    style.map_axes(axes, "Bathymetry as measured, placed by dead reckoning")
+    style.legend_below(axes)
+    resolution_m = raw.x[1] - raw.x[0]
+    return figure, (
+        f"All beams placed with dead reckoning, means of cells of {resolution_m:.3g} m: where its "
+        "drift puts the same seabed at two places, relief is doubled or blurred. Shaded relief."
+    )
+
+
+def grid_of_beams(run: SurveyRun, poses: np.ndarray, beams: np.ndarray) -> GridMap | None:
+    """Return the cell means of beams [N, 3] that were placed with poses [P, 6]; None without any.
+
+    The cells are those of the map, but no finer than the pings' spacing, which would leave holes.
+    """
+    reach_m = np.hypot(*run.levelled[:, :2].T)
+    known = np.isfinite(poses[:, :2]).all(axis=1)
+    if not np.isfinite(reach_m).any() or known.sum() < 2:
+        return None
+    track = poses[known, :2]
+    # The track and a swath on all sides, so that no outlier stretches the picture.
+    margin_m = np.nanpercentile(reach_m, 99)
+    low, high = track.min(axis=0) - margin_m, track.max(axis=0) + margin_m
+    map_resolution_m = np.ptp(run.map.x[:2]) if len(run.map.x) > 1 else GRID_RESOLUTION_M
+    spacing_m = np.median(np.linalg.norm(np.diff(track, axis=0), axis=1))
+    resolution_m = max(map_resolution_m, spacing_m, (high - low).max() / _RAW_CELLS)
+    x, y = (np.arange(a, b + resolution_m, resolution_m) for a, b in zip(low, high))
+    grid = GridMap(x, y, np.empty((len(x), len(y))))
+    grid.mean = grid_on(grid, beams[np.isfinite(beams).all(axis=1)])
+    return grid
+
+
+def posterior(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw the map's posterior: its mean, and its variance with the inducing points."""
+    grid = run.map
+    if not np.isfinite(grid.mean).any():
+        return None
+    has_variance = grid.variance is not None and np.isfinite(grid.variance).any()
+    figure, panels = style.map_subplots(run, 2 if has_variance else 1)
+    limits = style.colour_limits(grid.mean)
+    depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
+    image = style.draw_grid(panels.flat[0], grid.x, grid.y, grid.mean, **depth)
+    style.colour_bar(image, style.DEPTH_LABEL)
+    style.map_axes(panels.flat[0], "Posterior mean of the map")
+    caption = "The mean of the estimated map, in shaded relief"
+    if has_variance:
+        _draw_variance(panels.flat[1], run)
+        caption += ", and the variance of its latent depth, on a logarithmic scale"
+        if len(run.inducing_points):
+            caption += f", with the {len(run.inducing_points)} inducing points (dots)"
+    return figure, caption + "."
+
+
+def _draw_variance(axes: Axes, run: SurveyRun) -> None:
+    grid = run.map
+    positive = grid.variance[np.isfinite(grid.variance) & (grid.variance > 0)]
+    limits = style.colour_limits(positive)
+    if limits["vmin"] < limits["vmax"] and limits["vmin"] > 0:
+        limits = {"norm": LogNorm(**limits)}
+    image = style.draw_grid(axes, grid.x, grid.y, grid.variance, cmap=style.SPREAD_MAP, **limits)
+    style.colour_bar(image, "variance of latent depth (m²)")
+    dots = {"s": 7, "color": "white", "edgecolor": "black", "linewidth": 0.6}
+    axes.scatter(*run.inducing_points[:, :2].T, **dots)
+    axes.set_xlim(*image.get_extent()[:2])
+    axes.set_ylim(*image.get_extent()[2:])
+    points = " and inducing points" if len(run.inducing_points) else ""
+    style.map_axes(axes, f"Posterior variance{points}")
+
+
+def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw the map beside the grid of cell means and the true seabed, and their differences."""
+    ours = run.map
+    if not np.isfinite(ours.mean).any():
+        return None
+    seabeds = {"GP map": ours.mean, "cell means": grid_on(ours, run.beams)}
+    if run.terrain is not None:
+        seabeds["true seabed"] = terrain_at(run.terrain, ours)
+    pairs = [("GP map", "true seabed"), ("cell means", "true seabed"), ("GP map", "cell means")]
+    differences = {
+        f"{a} − {b}": seabeds[a] - seabeds[b] for a, b in pairs if a in seabeds and b in seabeds
+    }
+    figure, panels = style.map_subplots(run, len(seabeds) + len(differences))
+    # Row by row for seabeds above their differences, column by column for seabeds beside them.
+    panels = (panels.T if panels.shape == (3, 2) else panels).ravel()
+    depth = {"cmap": style.DEPTH_MAP, **style.colour_limits(*seabeds.values())}
+    _draw_panels(panels[: len(seabeds)], ours, seabeds, style.DEPTH_LABEL, **depth)
+    # Beyond the swaths the map is a guess, whose errors would hide all others. Between the pings,
+    # where cells are empty too, it is none.
+    hit = np.isfinite(seabeds["cell means"])
+    # Closing alone would take away cells at the map's edge.
+    swept = hit | binary_closing(hit, iterations=_SWATH_GAP_CELLS)
+    differences = {name: np.where(swept, z, np.nan) for name, z in differences.items()}
+    limits = style.colour_limits(*differences.values(), symmetric=True)
+    signed = {"cmap": style.DIFFERENCE_MAP, **limits}
+    _draw_panels(panels[len(seabeds) :], ours, differences, "difference (m)", **signed)
+    return figure, (
+        "The map's mean beside the cell means of the same beams and the true seabed where it is "
+        "known, on one colour scale, and their differences, where beams have been, on another."
+    )
+
+
+def _draw_panels(panels, grid: GridMap, layers: dict[str, np.ndarray], label: str, **scale) -> None:
+    """Draw layers [nx, ny] on one colour scale, with a bar for all beside the last."""
+    for axes, (title, z) in zip(panels, layers.items()):
+        image = style.draw_grid(axes, grid.x, grid.y, z, max_cells=_SPARSE_CELLS, **scale)
+        style.map_axes(axes, title[0].upper() + title[1:])
+    style.colour_bar(image, label)
+
+
+def held_out_residuals(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw the residuals at held-out beams against what the map predicted of them."""
+    scores = evaluation.held_out
+    if scores is None:
+        return None
+    figure = Figure(figsize=(style.WIDTH_IN, 3.2))
+    metres, standardised = figure.subplots(1, 2)
+    on_grid = scores.grid_residual_m[scores.on_grid]
+    reach = np.percentile(np.abs(np.concatenate([scores.residual_m, on_grid])), 99.5)
+    bins = np.linspace(-reach, reach, 51) if reach > 0 else 10
+    filled = {"bins": bins, "density": True, "histtype": "stepfilled"}
+    outline = {"bins": bins, "density": True, "histtype": "step", "linewidth": 1.4}
+    colour, other = style.COLOURS["estimate"], style.COLOURS["dead_reckoning"]
+    metres.hist(scores.residual_m, color=colour, alpha=0.45, label="GP map", **filled)
+    if len(on_grid):
+        label = f"{GRID_RESOLUTION_M:g} m grid of cell means"
+        metres.hist(on_grid, color=other, label=label, **outline)
+    metres.set(xlabel="held-out z − predicted z (m)", ylabel="density (1/m)", title="Residuals")
+    metres.legend(loc="upper left")
+
+    span = np.linspace(-5, 5, 201)
+    filled["bins"] = np.linspace(-5, 5, 51)
+    standardised.hist(scores.standardised, color=colour, alpha=0.45, label="GP map", **filled)
+    standardised.plot(span, norm.pdf(span), color="black", label="predicted, N(0, 1)")
+    standardised.set(xlabel="residual / predicted std", ylabel="density", title="Standardised")
+    standardised.legend(loc="upper left")
+    return figure, (
+        f"Residuals at {len(scores.residual_m)} held-out beams: in metres beside those of the "
+        "plain grid, and divided by the predicted standard deviation, noise included, beside the "
+        "density they should have."
+    )
+
+
+def consistency_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw where the passes disagree, for each trajectory, and where the map and the beams do."""
+    titles = {**style.LABELS, "map": "map and beams"}
+    results = {
+        name: evaluation.consistencies[name]
+        for name in ("dead_reckoning", "estimate", "ground_truth", "map")
+        if name in evaluation.consistencies and len(evaluation.consistencies[name].error_m)
+    }
+    if not results:
+        return None
+    figure, panels = style.map_subplots(run, len(results))
+    limits = style.colour_limits(*(result.error_m for result in results.values()))
+    limits["vmin"] = 0.0
+    resolution_m = evaluation.report["consistency"]["resolution_m"]
+    for axes, (name, result) in zip(panels.flat, results.items()):
+        x, y, error = _as_grid(run.map, result, resolution_m)
+        scale = {"cmap": style.ERROR_MAP, "max_cells": _SPARSE_CELLS, **limits}
+        image = style.draw_grid(axes, x, y, error, **scale)
+        style.map_axes(axes, f"{titles[name]}, RMS {result.overlap_rms_m:.3g} m")
+    style.colour_bar(image, "consistency error (m)")
+    return figure, (
+        "How far apart different passes see the same seabed (Roman and Singh's consistency error), "
+        f"per cell of {resolution_m:g} m that two passes or more have hit; and the same between "
+        "the map's mean and the beams. One colour scale; cells too small to be seen are averaged."
+    )
+
+
+def _as_grid(area: GridMap, result: Consistency, resolution_m: float):
+    """Return x, y and the error [nx, ny] over the map's extent, NaN where no passes meet."""
+    first = [np.floor(axis[0] / resolution_m) for axis in (area.x, area.y)]
+    last = [np.floor(axis[-1] / resolution_m) for axis in (area.x, area.y)]
+    shape = [int(b - a) + 1 for a, b in zip(first, last)]
+    index = (np.floor(result.centre_m / resolution_m) - first).astype(int)
+    inside = ((index >= 0) & (index < shape)).all(axis=1)
+    error = np.full(shape, np.nan)
+    error[tuple(index[inside].T)] = result.error_m[inside]
+    x, y = ((a + np.arange(n) + 0.5) * resolution_m for a, n in zip(first, shape))
+    return x, y, error

@@ -1,0 +1,221 @@
+"""Figures of the trajectories, their errors, and the filter's history.
+
+Each function returns a figure and its caption, or None where the run has no data for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
+
+from rbpf_svgp_slam.figures import figure_style as style
+from rbpf_svgp_slam.metrics.evaluation import Evaluation
+from rbpf_svgp_slam.metrics.trajectory_errors import position_error
+from rbpf_svgp_slam.run.survey_run import SurveyRun
+
+Drawn = "tuple[Figure, str] | None"
+# Series of the status history, in the order of the panels: name, axis label, drawn as steps.
+_HISTORY_PANELS = (
+    ("n_eff", "$N_\\mathrm{eff}$", False),
+    ("loop_closure_prompts", "prompts", True),
+    ("resamplings", "resamplings", True),
+    ("iterations_total", "iterations (1000)", False),
+    ("ready_maps", "maps ready", True),
+    ("tau", "τ", False),
+)
+
+
+def trajectories(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw all trajectories over the map's mean."""
+    if not len(run.stamp_s):
+        return None
+    figure, [[axes]] = style.map_subplots(run, 1)
+    grid = run.map
+    if grid.mean.size:
+        limits = style.colour_limits(grid.mean)
+        depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
+        image = style.draw_grid(axes, grid.x, grid.y, grid.mean, **depth)
+        style.colour_bar(image, style.DEPTH_LABEL)
+    draw_track(axes, "dead_reckoning", run.dead_reckoning)
+    draw_track(axes, "estimate", run.estimate)
+    if run.ground_truth is not None:
+        draw_track(axes, "ground_truth", run.ground_truth)
+    mark_start_and_end(axes, run.estimate)
+    style.map_axes(axes, "Trajectories over the mean of the map")
+    style.legend_below(axes)
+    return figure, "Trajectories in the map frame over the mean of the estimated seabed."
+
+
+def draw_track(axes: Axes, name: str, poses: np.ndarray) -> None:
+    """Draw the way of poses [P, 6], m, map frame, named as in figure_style.LABELS, with a halo."""
+    line = {"color": style.COLOURS[name], "label": style.LABELS[name]}
+    width = 1.5
+    if name == "ground_truth":
+        # Thin and broken: a good estimate would hide it, or be hidden.
+        width = 0.9
+        line["linestyle"] = (0, (5, 3))
+    halo = [patheffects.withStroke(linewidth=width + 1.6, foreground="white", alpha=0.8)]
+    axes.plot(*poses[:, :2].T, linewidth=width, path_effects=halo, **line)
+
+
+def mark_start_and_end(axes: Axes, poses: np.ndarray) -> None:
+    """Mark where the known ones of poses [P, 6], m, map frame, begin and end."""
+    known = poses[np.isfinite(poses[:, :2]).all(axis=1), :2]
+    marks = {"linestyle": "", "markeredgecolor": "white", "zorder": 4}
+    # The start is larger: a survey that ends where it began would hide it.
+    axes.plot(*known[:1].T, "o", color=style.START_COLOUR, label="start", markersize=12, **marks)
+    axes.plot(*known[-1:].T, "s", color="black", label="end", markersize=7, **marks)
+
+
+def position_errors(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw the errors over time; without ground truth, what the filter corrected."""
+    if len(run.stamp_s) < 2:
+        return None
+    truth = run.ground_truth
+    if truth is None or not np.isfinite(truth).any():
+        return _corrections(run)
+    figure = Figure(figsize=(style.WIDTH_IN, 5.9))
+    panels = figure.subplots(3, 1, sharex=True)
+    minutes = style.minutes_since_start(run, run.stamp_s)
+    for name in ("dead_reckoning", "estimate"):
+        error = position_error(getattr(run, name), truth)
+        line = {"color": style.COLOURS[name], "label": style.LABELS[name]}
+        panels[0].plot(minutes, np.linalg.norm(error, axis=1), **line)
+        for axes, component in zip(panels[1:], error.T):
+            axes.plot(minutes, component, **line)
+    panels[0].set(ylabel="error (m)", title="Position error", ylim=(0, None))
+    panels[1].set(ylabel="error in x (m)")
+    panels[2].set(ylabel="error in y (m)", xlabel="time (min)")
+    _draw_spread(run, panels[1:], minutes)
+    _mark_events(run, panels)
+    panels[0].legend(*panels[-1].get_legend_handles_labels(), **style.LEGEND_ABOVE)
+    figure.align_ylabels()
+    return figure, (
+        "Position error against ground truth over time: the 3-D distance, and its components in "
+        "x and y with the spread of the particles' histories (±2σ), which is nothing where all of "
+        "them descend from one particle. Ticks: loop closures, prompts that changed the weights; "
+        "vertical lines: resamplings."
+    )
+
+
+def event_minutes(run: SurveyRun, counter: str) -> np.ndarray:
+    """Return when a counter of the status history grew: minutes [n] since the first ping.
+
+    It grew between two statuses; the later one counts. What the first status already holds
+    happened at a time that nobody recorded.
+    """
+    history = run.status_history
+    counted = np.asarray(history.get(counter, ()), dtype=float)
+    t_s = np.asarray(history.get("t_s", ()), dtype=float)
+    if not len(run.stamp_s) or len(counted) != len(t_s):
+        return np.empty(0)
+    return style.minutes_since_start(run, t_s[1:][np.diff(counted) > 0])
+
+
+def _mark_events(run: SurveyRun, panels: Sequence[Axes]) -> None:
+    """Mark resamplings through all panels and loop closures along the foot of each."""
+    closures = event_minutes(run, "loop_closure_prompts")
+    ticks = {"linestyle": "", "marker": "|", "markersize": 6, "markeredgewidth": 0.6}
+    for axes in panels:
+        _mark_resamplings(run, axes)
+        if len(closures):
+            above_foot = ScaledTranslation(0, 4 / 72, axes.figure.dpi_scale_trans)
+            axes.plot(
+                closures,
+                np.zeros(len(closures)),
+                color=style.CLOSURE_COLOUR,
+                label="loop closures",
+                transform=axes.get_xaxis_transform() + above_foot,
+                **ticks,
+            )
+
+
+def _mark_resamplings(run: SurveyRun, axes: Axes) -> None:
+    """Draw a light line at each; the more there are, the lighter, so that curves stay readable."""
+    instants = event_minutes(run, "resamplings")
+    if not len(instants):
+        return
+    line = {"color": style.RESAMPLING_COLOUR, "linewidth": 0.8, "zorder": 0.5}
+    opacity = float(np.clip(40 / len(instants), 0.15, 0.8))
+    foot_to_top = axes.get_xaxis_transform()
+    axes.vlines(instants, 0, 1, transform=foot_to_top, alpha=opacity, **line)
+    axes.plot([], [], label="resamplings", **line)
+
+
+def _draw_spread(run: SurveyRun, panels: Sequence[Axes], minutes: np.ndarray) -> None:
+    """Draw ±2σ about zero into the panels of x and y."""
+    for axes, axis in zip(panels, range(2)):
+        axes.axhline(0, color="#555555", linewidth=0.7)
+        if run.estimate_std_m is not None:
+            band = 2 * run.estimate_std_m[:, axis]
+            colour = style.COLOURS["estimate"]
+            axes.fill_between(
+                minutes, -band, band, color=colour, alpha=0.18, lw=0, label="±2σ of particles"
+            )
+
+
+def _corrections(run: SurveyRun) -> Drawn:
+    """Draw estimate minus dead reckoning, which needs no ground truth."""
+    figure = Figure(figsize=(style.WIDTH_IN, 4.0))
+    panels = figure.subplots(2, 1, sharex=True)
+    minutes = style.minutes_since_start(run, run.stamp_s)
+    shift = position_error(run.estimate, run.dead_reckoning)
+    for axes, component, label in zip(panels, shift.T, "xy"):
+        axes.plot(minutes, component, color=style.COLOURS["estimate"], label="correction")
+        axes.set(ylabel=f"correction in {label} (m)")
+    _draw_spread(run, panels, minutes)
+    _mark_events(run, panels)
+    panels[0].set(title="Correction of dead reckoning")
+    panels[0].legend(**style.LEGEND_ABOVE)
+    panels[1].set(xlabel="time (min)")
+    return figure, (
+        "RBPF minus dead reckoning over time, with the spread of the particles (±2σ about zero), "
+        "loop closures (ticks) and resamplings (vertical lines); errors are unknown without ground "
+        "truth."
+    )
+
+
+def filter_history(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw what the filter did over time, one panel per recorded series."""
+    history = run.status_history
+    # A run of mapping only has prompted nothing: no τ.
+    panels = [p for p in _HISTORY_PANELS if np.isfinite(history.get(p[0], np.nan)).any()]
+    if not panels or not len(history.get("t_s", ())) or not len(run.stamp_s):
+        return None
+    figure = Figure(figsize=(style.WIDTH_IN, 0.7 + 1.15 * len(panels)))
+    minutes = style.minutes_since_start(run, history["t_s"])
+    all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (name, label, is_step) in zip(all_axes, panels):
+        values = np.asarray(history[name], dtype=float)
+        values = values / 1000 if name == "iterations_total" else values
+        drawstyle = "steps-post" if is_step else "default"
+        axes.plot(minutes, values, color=style.COLOURS["estimate"], drawstyle=drawstyle)
+        axes.set(ylabel=label)
+        axes.locator_params(axis="y", nbins=4)
+        if name == "n_eff":
+            _mark_threshold(run, axes)
+    all_axes[0].set(title="The filter over time")
+    all_axes[-1].set(xlabel="time (min)")
+    figure.align_ylabels()
+    return figure, (
+        "Effective number of particles with the instants of resampling, the running totals of "
+        "loop-closure prompts, resamplings and optimizer steps, how many maps were ready for "
+        "prompts, and the tempering τ of the last prompt's likelihood."
+    )
+
+
+def _mark_threshold(run: SurveyRun, axes: Axes) -> None:
+    """Mark the resamplings and the threshold J/2 below which they happen."""
+    axes.set_ylim(0, None)
+    particles = run.statistics.get("particles")
+    if particles:
+        threshold = {"color": "#555555", "linestyle": "--", "linewidth": 0.9}
+        axes.axhline(particles / 2, label="threshold J/2", **threshold)
+    _mark_resamplings(run, axes)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**style.LEGEND_ABOVE)

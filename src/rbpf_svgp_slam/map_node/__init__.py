@@ -1,0 +1,1 @@
+"""A map node: trains the maps of its share of the particles and answers for them."""

@@ -1,0 +1,87 @@
+"""Publishes the best particle's map, a piece of the work at a time."""
+
+from __future__ import annotations
+
+import time
+from typing import Iterator
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from rbpf_svgp_slam.map_node.clouds import point_cloud
+from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.msg import FilterStatus
+from rbpf_svgp_slam.parameters.loading import NodeParameters
+from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.survey_area.grid import survey_grid
+from rbpf_svgp_slam.survey_area.polygon import survey_origin
+
+MAX_POINTS = 40000
+# Points predicted between two training steps: about as long as one of these.
+CHUNK_POINTS = 1000
+
+
+class MapPublisher:
+    """Topics map/mean, map/variance and map/inducing_points, from the node with the best particle.
+
+    Owned by the training thread, which lends it a moment between two steps.
+    """
+
+    def __init__(self, store: MapStore, parameters: NodeParameters) -> None:
+        self._store = store
+        self._frame = parameters.map_frame
+        self._period_s = parameters.map.publish_period_s
+        self._origin = survey_origin(parameters.survey_area)
+        self._points = survey_grid(parameters.survey_area, parameters.map.resolution_m, MAX_POINTS)
+        self._mean, self._variance, self._support = (
+            rospy.Publisher(f"map/{name}", PointCloud2, queue_size=1)
+            for name in ("mean", "variance", "inducing_points")
+        )
+        self._best_particle: int | None = None
+        self._job: Iterator[None] | None = None
+        self._next_s = 0.0  # monotonic
+        rospy.Subscriber(names.FILTER_STATUS, FilterStatus, self._on_status, queue_size=1)
+
+    def advance(self) -> None:
+        """Do the next piece of a publication that is under way or due."""
+        if self._job is None:
+            if not self._due():
+                return
+            self._next_s = time.monotonic() + self._period_s
+            self._job = self._publish(self._best_particle)
+        if next(self._job, "done") == "done":
+            self._job = None
+
+    def _on_status(self, status: FilterStatus) -> None:
+        self._best_particle = status.best_particle
+
+    def _due(self) -> bool:
+        return (
+            self._period_s > 0
+            and time.monotonic() >= self._next_s
+            and self._best_particle in self._store.own
+            and any(p.get_num_connections() for p in (self._mean, self._variance, self._support))
+        )
+
+    def _publish(self, particle: int) -> Iterator[None]:
+        """Predict a copy of the map over the grid, yielding after each chunk, and publish it."""
+        header = Header(stamp=rospy.Time.now(), frame_id=self._frame)
+        engine = self._store.snapshot(particle)
+        support = np.asarray(engine.support_points())
+        x, y, z = support[:, 0] + self._origin[0], support[:, 1] + self._origin[1], support[:, 2]
+        self._support.publish(point_cloud(header, {"x": x, "y": y, "z": z}))
+        yield
+        mean, variance = np.empty((2, len(self._points)), dtype=np.float32)
+        if self._mean.get_num_connections() or self._variance.get_num_connections():
+            for first in range(0, len(self._points), CHUNK_POINTS):
+                chunk = slice(first, first + CHUNK_POINTS)
+                xy = (self._points[chunk] - self._origin).astype(np.float32)
+                with self._store.turn():
+                    mean[chunk], variance[chunk] = engine.predict(xy)
+                yield
+            xyz = {"x": self._points[:, 0], "y": self._points[:, 1], "z": mean}
+            std = np.sqrt(np.maximum(variance, 0.0))
+            self._mean.publish(point_cloud(header, xyz))
+            self._variance.publish(point_cloud(header, {**xyz, "std": std}))

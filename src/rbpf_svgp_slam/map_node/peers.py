@@ -1,0 +1,83 @@
+"""Fetches maps from the other map nodes."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+
+import rospy
+
+from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.protocol.payload import BadRequest, split
+from rbpf_svgp_slam.srv import GetMaps, GetMapsResponse
+
+
+class Peers:
+    """The other map nodes, by their index; their names follow from it."""
+
+    def __init__(self, engine: str, timeout_s: float) -> None:
+        self._engine = engine
+        self._timeout_s = timeout_s
+
+    def fetch(self, epoch: int, wanted: dict[int, list[int]]) -> dict[int, bytes]:
+        """Maps by particle, as they are when their owners have stopped training for the epoch.
+
+        wanted: particles by owner. All owners are asked at the same time, each once.
+        """
+        deadline_s = time.monotonic() + self._timeout_s
+        answers: queue.SimpleQueue[tuple[int, GetMapsResponse | Exception]] = queue.SimpleQueue()
+        proxies = {}
+        for owner, particles in wanted.items():
+            # Persistent for being closed from here, if the peer does not answer in time.
+            proxies[owner] = rospy.ServiceProxy(names.get_maps(owner), GetMaps, persistent=True)
+            threading.Thread(
+                target=_ask, args=(owner, proxies[owner], epoch, particles, answers), daemon=True
+            ).start()
+        maps: dict[int, bytes] = {}
+        missing = set(wanted)
+        try:
+            while missing:
+                owner, answer = answers.get(timeout=max(0.0, deadline_s - time.monotonic()))
+                missing.remove(owner)
+                maps.update(self._maps(owner, wanted[owner], answer))
+        except queue.Empty:
+            silent = ", ".join(names.get_maps(owner) for owner in sorted(missing))
+            raise BadRequest(
+                f"no answer from {silent} after {self._timeout_s:g} s; expected maps"
+            ) from None
+        finally:
+            for proxy in proxies.values():
+                proxy.close()
+        return maps
+
+    def _maps(
+        self, owner: int, particles: list[int], answer: GetMapsResponse | Exception
+    ) -> dict[int, bytes]:
+        if isinstance(answer, Exception):
+            raise BadRequest(f"{names.get_maps(owner)} failed: {answer}") from answer
+        if not answer.success:
+            raise BadRequest(f"{names.get_maps(owner)} refused: {answer.message}")
+        if answer.engine != self._engine:
+            raise BadRequest(
+                f"maps from {names.get_maps(owner)} are of engine {answer.engine}; "
+                f"expected {self._engine}, map/engine of this node"
+            )
+        if len(answer.sizes) != len(particles):
+            raise BadRequest(
+                f"{names.get_maps(owner)} sent {len(answer.sizes)} maps; expected {len(particles)}"
+            )
+        return dict(zip(particles, split("maps", answer.maps, list(answer.sizes))))
+
+
+def _ask(
+    owner: int,
+    proxy: rospy.ServiceProxy,
+    epoch: int,
+    particles: list[int],
+    answers: "queue.SimpleQueue[tuple[int, GetMapsResponse | Exception]]",
+) -> None:
+    try:
+        answers.put((owner, proxy(epoch, particles)))
+    except Exception as error:  # whatever it is, the one who waits must hear of it
+        answers.put((owner, error))

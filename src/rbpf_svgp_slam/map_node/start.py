@@ -1,0 +1,62 @@
+"""Starts a map node: parameters first, for the number of threads must be known to what follows."""
+
+from __future__ import annotations
+
+import rosgraph
+
+from rbpf_svgp_slam import cpu
+from rbpf_svgp_slam.parameters.loading import (
+    NodeParameters,
+    ParameterError,
+    validate,
+    validate_index,
+)
+from rbpf_svgp_slam.protocol import names
+
+
+def start() -> int | str:
+    """Run the node until shutdown; returns what sys.exit() takes."""
+    try:
+        parameters = load_parameters()
+        # Here already, because rospy loads a numerical library.
+        cpu.prepare(parameters.map.threads)
+        return _run(parameters)
+    except ParameterError as error:
+        return f"svgp_node: {error}"
+    except KeyboardInterrupt:
+        return 0
+
+
+def load_parameters() -> NodeParameters:
+    """From the parameter server, relative to the namespace that the node is started in."""
+    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), names.PARAMETERS)
+    try:
+        tree = rosgraph.Master("/svgp_node").getParam(name)
+    except rosgraph.MasterError:
+        tree = {}
+    except OSError as error:
+        uri = rosgraph.get_master_uri()
+        raise ParameterError(f"no parameters: ROS master {uri} does not answer: {error}") from None
+    return validate(tree)
+
+
+def _run(parameters: NodeParameters) -> int:
+    import rospy
+
+    from rbpf_svgp_slam.map_node.node import MapNode
+    from rbpf_svgp_slam.maps import make_factory
+
+    try:
+        factory = make_factory(parameters)
+    except (ValueError, NotImplementedError) as error:  # the engine's own parameters
+        raise ParameterError(f"{names.PARAMETERS}/{error}") from None
+    rospy.init_node("svgp_node")
+    index = validate_index(rospy.get_param("~index", None), parameters.nodes)
+    own_name = rospy.get_name().split("/")[-1]
+    if own_name != names.map_node(index):
+        # The other nodes find this one by its name.
+        raise ParameterError(
+            f"the node's name is {own_name}; expected {names.map_node(index)}, by ~index"
+        )
+    MapNode(index, parameters, factory).spin()
+    return 0

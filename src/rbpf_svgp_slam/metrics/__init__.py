@@ -1,0 +1,1 @@
+"""Metrics of a finished run. Needs no ROS."""

@@ -1,0 +1,160 @@
+"""Self-consistency of a survey: how far apart its passes see the same seabed.
+
+Roman and Singh, "Consistency based error evaluation for deep sea bathymetric mapping with robotic
+vehicles" (ICRA 2006), as implemented by the paper's group. It needs no ground truth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbpf_svgp_slam.metrics.cells import cell_centres, cell_keys, neighbour_keys
+from rbpf_svgp_slam.metrics.map_metrics import rmse
+
+TURN_RAD = np.deg2rad(45)
+CHUNKS_WITHOUT_TURNS = 10
+
+
+@dataclass(frozen=True)
+class ConsistencySettings:
+    """The metric depends on all of these, so the report states them."""
+
+    resolution_m: float = 1.0
+    draws: int = 10
+    seed: int = 0
+    max_beams: int = 1_000_000  # more are thinned at random, to keep the time to seconds
+    max_points_per_cell: int = 20  # of each pass
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """The metric, and its map over the C cells that two passes or more have hit themselves.
+
+    The group's code also compares a pass with others that hit only the cells around, so that
+    along the edge of every swath it measures the width of a cell. `overlap_rms_m` leaves those out.
+    """
+
+    rms_m: float | None  # as the group has it; None where no passes meet
+    overlap_rms_m: float | None  # over pairs of passes that have both hit the cell
+    centre_m: np.ndarray  # [C, 2] map frame
+    error_m: np.ndarray  # [C] > 0, behind overlap_rms_m
+    points_per_cell_and_pass: float | None  # the density, after thinning
+
+
+def split_passes(yaw_rad: np.ndarray) -> np.ndarray:
+    """Number the passes of a survey: the pass [P] of each ping, from its headings [P].
+
+    A pass ends where the heading has left the mean heading of the pass so far by more than 45°.
+    Pieces shorter than a quarter of the typical pass are turns, and join the pass before them;
+    typical is the longest length such that half of all pings lie in passes at least as long. A
+    survey that never turns is cut into ten equal chunks.
+    """
+    heading = np.unwrap(yaw_rad)
+    starts, mean, count = [0], heading[0] if len(heading) else 0.0, 0
+    for i, angle in enumerate(heading):
+        if abs(angle - mean) > TURN_RAD:
+            starts.append(i)
+            mean, count = angle, 0
+        count += 1
+        mean += (angle - mean) / count
+    lengths = np.diff([*starts, len(heading)])
+    descending = np.sort(lengths)[::-1]
+    typical = descending[np.searchsorted(np.cumsum(descending), len(heading) / 2)]
+    is_pass = 4 * lengths >= typical
+    is_pass[0] = True
+    if is_pass.sum() == 1:
+        return np.arange(len(heading)) * CHUNKS_WITHOUT_TURNS // max(len(heading), 1)
+    return np.repeat(np.cumsum(is_pass) - 1, lengths)
+
+
+def consistency(
+    points: np.ndarray,
+    pass_of_point: np.ndarray,
+    settings: ConsistencySettings,
+    rng: np.random.Generator,
+) -> Consistency:
+    """Compare the passes of points [n, 3] (m, map frame); pass_of_point [n] are small integers.
+
+    Per cell: the mean over the draws of the largest distance, over ordered pairs of passes, from
+    a random point of the one in the cell to the nearest of the other in the 3 × 3 cells around.
+    Then the RMS over the cells above zero.
+    """
+    points, passes, keys = _sort_and_thin(points, pass_of_point, settings, rng)
+    if not len(points):
+        return Consistency(None, None, np.empty((0, 2)), np.empty(0), None)
+    cell_key, first_of_cell, cell = np.unique(keys, return_index=True, return_inverse=True)
+    distance = farthest_pass_distance(points, passes, cell_key, cell)
+
+    new_group = np.diff(cell, prepend=-1) + np.abs(np.diff(passes, prepend=-1)) > 0
+    start = np.flatnonzero(new_group)
+    count = np.diff(start, append=len(points))
+    first_group_of_cell = np.searchsorted(start, first_of_cell)
+    error = np.zeros((len(cell_key), 2))
+    for _ in range(settings.draws):
+        drawn = start + (rng.random(len(start)) * count).astype(int)
+        error += np.maximum.reduceat(distance[drawn], first_group_of_cell) / settings.draws
+    around, overlap = error.T
+    hit = overlap > 0
+    return Consistency(
+        rms_m=rmse(around[around > 0]),
+        overlap_rms_m=rmse(overlap[hit]),
+        centre_m=cell_centres(cell_key[hit], settings.resolution_m),
+        error_m=overlap[hit],
+        points_per_cell_and_pass=float(count.mean()),
+    )
+
+
+def farthest_pass_distance(
+    points: np.ndarray, passes: np.ndarray, cell_key: np.ndarray, cell: np.ndarray
+) -> np.ndarray:
+    """Return for each point the largest over the other passes of the distance to the nearest.
+
+    Points [n, 3] are sorted by cell; cell [n] indexes the sorted cell_key [C]. Only points in
+    the 3 × 3 cells around count. The result is [n, 2]: over all passes with such points, and over
+    those of them that have also hit the point's own cell; 0 where there are none. A k-d tree's
+    nearest point may lie beyond these cells, so the cells are searched, one rank at a time.
+    """
+    neighbours = _occupied(neighbour_keys(cell_key), cell_key)
+    farthest = np.zeros((len(points), 2))
+    for other in np.unique(passes):
+        index = np.flatnonzero(passes == other)
+        # One more cell at the end, always empty, is what absent neighbours (-1) point to.
+        count = np.bincount(cell[index], minlength=len(cell_key) + 1)
+        first = np.cumsum(count) - count
+        is_near = (count[neighbours] > 0).any(axis=1)
+        query = np.flatnonzero(is_near[cell] & (passes != other))
+        nearest_sq = np.full(len(query), np.inf)
+        for neighbour in neighbours[cell[query]].T:
+            for rank in range(count[neighbour].max(initial=0)):
+                has = np.flatnonzero(count[neighbour] > rank)
+                candidate = index[first[neighbour[has]] + rank]
+                squared = np.sum((points[query[has]] - points[candidate]) ** 2, axis=1)
+                nearest_sq[has] = np.minimum(nearest_sq[has], squared)
+        nearest = np.sqrt(nearest_sq)
+        in_cell = np.where(count[cell[query]] > 0, nearest, 0)
+        farthest[query] = np.maximum(farthest[query], np.column_stack([nearest, in_cell]))
+    return farthest
+
+
+def _occupied(keys: np.ndarray, cell_key: np.ndarray) -> np.ndarray:
+    """Return the index into the sorted cell_key of each key, -1 where that cell is empty."""
+    index = np.minimum(np.searchsorted(cell_key, keys), len(cell_key) - 1)
+    return np.where(cell_key[index] == keys, index, -1)
+
+
+def _sort_and_thin(points, passes, settings, rng):
+    """Sort by cell and pass; drop at random what is above the caps."""
+    points, passes = np.asarray(points, dtype=float), np.asarray(passes)
+    keep = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if len(keep) > settings.max_beams:
+        keep = np.sort(rng.choice(keep, settings.max_beams, replace=False))
+    keys = cell_keys(points[keep, :2], settings.resolution_m)
+    order = np.lexsort([rng.random(len(keep)), passes[keep], keys])
+    keep, keys = keep[order], keys[order]
+    is_first = np.ones(len(keep), dtype=bool)
+    is_first[1:] = (np.diff(keys) != 0) | (np.diff(passes[keep]) != 0)
+    start = np.maximum.accumulate(np.where(is_first, np.arange(len(keep)), 0))
+    few = np.arange(len(keep)) - start < settings.max_points_per_cell
+    return points[keep[few]], passes[keep[few]], keys[few]

@@ -1,0 +1,1 @@
+"""Parameters: rules, and the one place where Python reads them."""

@@ -1,0 +1,33 @@
+"""Names of nodes, services and parameters that several processes use."""
+
+from __future__ import annotations
+
+#: Parameter namespace of core, map nodes and recorder alike.
+PARAMETERS = "rbpf_svgp_slam"
+CORE = "rbpf_core"
+FILTER_STATUS = f"{CORE}/status"
+GET_MINIBATCHES = f"{CORE}/get_minibatches"
+GET_BEAMS = f"{CORE}/get_beams"
+GET_PINGS = f"{CORE}/get_pings"
+TAKE_TURN = f"{CORE}/take_turn"
+FINISH = f"{CORE}/finish"
+#: Parameter that an offline replay sets before its map nodes start.
+TAKE_TURNS = f"{CORE}/take_turns"
+#: Parameters by which an offline replay says that it is through, and how long it took.
+REPLAY_FINISHED = f"{CORE}/replay_finished"
+REPLAY_WALL_S = f"{CORE}/replay_wall_s"
+
+
+def map_node(index: int) -> str:
+    """Name of a map node, 0 .. B - 1."""
+    return f"svgp_node_{index}"
+
+
+def map_status(index: int) -> str:
+    """Topic of a map node's MapStatus."""
+    return f"{map_node(index)}/status"
+
+
+def get_maps(index: int) -> str:
+    """Service of a map node that hands out whole maps."""
+    return f"{map_node(index)}/get_maps"

@@ -1,0 +1,1 @@
+"""The survey recorder: follows a survey from outside and writes its run folder."""

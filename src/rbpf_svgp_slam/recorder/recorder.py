@@ -1,0 +1,187 @@
+"""The survey recorder: follows a survey from outside and writes its run folder at the end.
+
+It alone listens to the ground truth, which the filter must never see.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import rosbag
+import rospy
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMessage
+from scipy.spatial.transform import Rotation
+from std_srvs.srv import Trigger, TriggerResponse
+
+from rbpf_svgp_slam.evaluation.report import write_run
+from rbpf_svgp_slam.evaluation.result_lines import summarise
+from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.recorder.assembly import assemble_run
+from rbpf_svgp_slam.recorder.recording import Recording
+from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
+from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
+
+POLL_S = 0.1
+PATH_PERIOD_S = 1.0
+PATH_POSES = 4000
+# With nodes that publish a status twice a second, or the core, on top of its own period.
+STATUS_PATIENCE_S = 10.0
+FAILURES = (RuntimeError, ValueError, OSError, rosbag.ROSBagException, rospy.ServiceException)
+
+
+class Recorder:
+    """Keeps the ground truth and the filter's status; see run()."""
+
+    def __init__(self) -> None:
+        parameters = rospy.get_param(names.PARAMETERS)
+        self._recording = Recording(
+            out_dir=Path(rospy.get_param("~out")).expanduser(),
+            parameters=parameters,
+            terrain_file=rospy.get_param("~terrain", ""),
+            time_lapse=TimeLapseRecorder(parameters),
+        )
+        self._started_s: float | None = None  # wall clock, at the first odometry
+        nodes = range(parameters["nodes"])
+        # Statuses by sender.
+        self._heard = {names.CORE: 0, **{names.map_node(k): 0 for k in nodes}}
+        self._map_frame = parameters["frames"]["map"]
+        self._path = rospy.Publisher("ground_truth_path", PathMessage, queue_size=1, latch=True)
+        self._next_path_s = 0.0
+        self._saving = False
+        self._subscribers = [
+            rospy.Subscriber("ground_truth", Odometry, self._on_ground_truth),
+            rospy.Subscriber(names.FILTER_STATUS, FilterStatus, self._on_status),
+        ] + [rospy.Subscriber(names.map_status(k), MapStatus, self._on_map_status) for k in nodes]
+        self._save = rospy.Service("~save", Trigger, self._on_save)
+
+    def run(self) -> int:
+        """Follow the survey to its end and write the run folder; returns the exit status."""
+        try:
+            source = self._source()
+            self._follow(source)
+            if rospy.is_shutdown():
+                return 1
+            if isinstance(source, OfflineReplay):
+                self._recording.wall_s = source.wall_s()  # and it has seen to the final training
+            else:
+                self._finish_survey()
+            self._await_last_words()
+            rospy.loginfo("Writing the report to %s", self._recording.out_dir)
+            run = assemble_run(self._recording, self._pings_lost(source))
+            report = write_run(run, self._recording.out_dir)
+        except FAILURES as error:
+            rospy.logfatal("No report: %s", error)
+            return 1
+        print(summarise(report, self._recording.out_dir), flush=True)
+        return 0
+
+    def _source(self) -> PlayedBag | OfflineReplay | None:
+        bag = rospy.get_param("~bag", "")
+        if not bag:
+            return None
+        topics = {name: rospy.resolve_name(name) for name in ("odom", "mbes/pings")}
+        if not rospy.get_param("~offline", False):
+            return PlayedBag(bag, topics["odom"], topics["mbes/pings"])
+        source = OfflineReplay(bag, topics["odom"], topics["mbes/pings"])
+        for message in source.messages(rospy.resolve_name("ground_truth")):
+            self._on_ground_truth(message)
+        return source
+
+    def _pings_lost(self, source: PlayedBag | OfflineReplay | None) -> int:
+        return source.lost(self._recording.statuses[-1]) if source else 0
+
+    def _follow(self, source: PlayedBag | OfflineReplay | None) -> None:
+        progress = ProgressLine()
+        while not rospy.is_shutdown() and not self._saving:
+            time.sleep(POLL_S)  # wall time: the bag's clock stands still once it is over
+            self._publish_path()
+            if not self._recording.statuses:
+                continue
+            self._recording.time_lapse.advance(self._recording.statuses[-1])
+            if source is None:
+                continue
+            if isinstance(source, PlayedBag):
+                progress.show(
+                    source.share_played(self._recording.statuses[-1]), self._recording.statuses[-1]
+                )
+            if source.is_over(self._recording.statuses[-1]):
+                break
+        progress.end()
+
+    def _finish_survey(self) -> None:
+        rospy.ServiceProxy(names.FINISH, Trigger)()
+        self._recording.wall_s = time.monotonic() - (self._started_s or time.monotonic())
+        rest_s = float(self._recording.parameters["output"]["final_training_s"])
+        rospy.loginfo("Survey over; training on the whole log for %.0f s more.", rest_s)
+        end_s = time.monotonic() + rest_s
+        while time.monotonic() < end_s and not rospy.is_shutdown():
+            time.sleep(POLL_S)
+
+    def _await_last_words(self) -> None:
+        """Two more statuses of everybody: what is on its way now may be from before the end."""
+        before = self._heard.copy()
+        patience_s = (
+            STATUS_PATIENCE_S + 2.0 / self._recording.parameters["output"]["publish_rate_hz"]
+        )
+        give_up_s = time.monotonic() + patience_s
+        silent = list(before)
+        while silent and time.monotonic() < give_up_s and not rospy.is_shutdown():
+            time.sleep(POLL_S)
+            silent = [name for name in before if self._heard[name] < before[name] + 2]
+        if silent:
+            rospy.logwarn("No news from %s for %.0f s.", ", ".join(silent), patience_s)
+
+    def _on_ground_truth(self, message: Odometry) -> None:
+        if message.header.frame_id != self._map_frame:
+            rospy.logerr_throttle(
+                5.0,
+                f"Ground truth refused: frame '{message.header.frame_id}', "
+                f"expected '{self._map_frame}'",
+            )
+            return
+        p, q = message.pose.pose.position, message.pose.pose.orientation
+        try:
+            yaw, pitch, roll = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_euler("ZYX")
+        except ValueError:
+            rospy.logerr_throttle(5.0, f"Ground truth refused: orientation {q}, expected norm 1")
+            return
+        stamp_s = message.header.stamp.to_sec()
+        self._recording.ground_truth.append((stamp_s, p.x, p.y, p.z, roll, pitch, yaw))
+
+    def _on_status(self, status: FilterStatus) -> None:
+        if status.odometry_messages and self._started_s is None:
+            self._started_s = time.monotonic()
+        self._recording.statuses.append(status)
+        self._recording.history.on_status(status)
+        self._heard[names.CORE] += 1
+
+    def _on_map_status(self, status: MapStatus) -> None:
+        self._recording.map_statuses[status.node] = status
+        self._recording.history.on_map_status(status)
+        self._heard[names.map_node(status.node)] += 1
+
+    def _on_save(self, _: Trigger) -> TriggerResponse:
+        self._saving = True
+        return TriggerResponse(
+            success=True, message=f"writing the run to {self._recording.out_dir}"
+        )
+
+    def _publish_path(self) -> None:
+        if time.monotonic() < self._next_path_s or not self._recording.ground_truth:
+            return
+        self._next_path_s = time.monotonic() + PATH_PERIOD_S
+        path = PathMessage()
+        path.header.frame_id = self._map_frame
+        for _, x, y, z, *_ in self._recording.ground_truth[
+            :: 1 + len(self._recording.ground_truth) // PATH_POSES
+        ]:
+            pose = PoseStamped()
+            pose.header.frame_id = self._map_frame
+            pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = x, y, z
+            pose.pose.orientation.w = 1.0
+            path.poses.append(pose)
+        self._path.publish(path)

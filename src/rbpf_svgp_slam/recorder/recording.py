@@ -1,0 +1,28 @@
+"""What the recorder has heard of a survey by its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.recorder.history import History
+from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
+
+
+@dataclass
+class Recording:
+    """Grows while the survey goes on."""
+
+    out_dir: Path
+    parameters: dict[str, Any]  # the full set
+    terrain_file: str  # the true seabed of a simulated survey; empty: not known
+    time_lapse: TimeLapseRecorder
+    ground_truth: list[tuple[float, ...]] = field(
+        default_factory=list
+    )  # stamp x y z roll pitch yaw
+    statuses: list[FilterStatus] = field(default_factory=list)
+    map_statuses: dict[int, MapStatus] = field(default_factory=dict)  # the latest, by node
+    history: History = field(default_factory=History)
+    wall_s: float = 0.0  # that the survey took, once it is over

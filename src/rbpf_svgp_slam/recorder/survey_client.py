@@ -1,0 +1,67 @@
+"""Fetches a finished survey from the core, and a particle's map from its node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rospy
+
+from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.protocol.shares import owner
+from rbpf_svgp_slam.srv import GetMaps, GetPings
+
+PINGS_A_CALL = 1000
+
+
+@dataclass
+class Survey:
+    """All pings of the survey, P, with their beams, N.
+
+    Poses: x y z roll pitch yaw, frame map, m and rad.
+    """
+
+    stamp_s: np.ndarray  # [P]
+    estimate: np.ndarray  # [P, 6]
+    estimate_std_m: np.ndarray  # [P, 2]
+    dead_reckoning: np.ndarray  # [P, 6]
+    held_out: np.ndarray  # [P] bool
+    ping_of_beam: np.ndarray  # [N]
+    levelled: np.ndarray  # [N, 3] x, y in the levelled body frame, z in map, m
+
+
+def fetch_survey() -> Survey:
+    """Raises RuntimeError if the core refuses."""
+    get_pings = rospy.ServiceProxy(names.GET_PINGS, GetPings, persistent=True)
+    pieces, first = [], 0
+    while True:
+        piece = get_pings(first=first, count=PINGS_A_CALL)
+        if not piece.success:
+            raise RuntimeError(f"{names.GET_PINGS} refused: {piece.message}")
+        pieces.append(piece)
+        first += len(piece.beams_per_ping)
+        if first >= piece.pings_total or not piece.beams_per_ping:
+            break
+
+    def joined(name: str, dtype: str, columns: int) -> np.ndarray:
+        return np.frombuffer(b"".join(getattr(p, name) for p in pieces), dtype).reshape(-1, columns)
+
+    beams_per_ping = np.concatenate([np.asarray(p.beams_per_ping, dtype=int) for p in pieces])
+    return Survey(
+        stamp_s=joined("stamps", "<f8", 1)[:, 0],
+        estimate=joined("estimate", "<f8", 6),
+        estimate_std_m=joined("estimate_std", "<f8", 2),
+        dead_reckoning=joined("dead_reckoning", "<f8", 6),
+        held_out=np.concatenate([np.asarray(p.held_out, dtype=bool) for p in pieces]),
+        ping_of_beam=np.repeat(np.arange(len(beams_per_ping)), beams_per_ping),
+        levelled=joined("beams", "<f4", 3).astype(float),
+    )
+
+
+def fetch_map(particle: int, epoch: int, particles: int, nodes: int) -> bytes:
+    """One particle's map as its engine writes it. Raises RuntimeError if its node refuses."""
+    service = names.get_maps(owner(particle, particles, nodes))
+    answer = rospy.ServiceProxy(service, GetMaps)(epoch=epoch, particles=[particle])
+    if not answer.success:
+        raise RuntimeError(f"{service} refused: {answer.message}")
+    return answer.maps

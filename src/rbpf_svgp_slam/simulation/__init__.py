@@ -1,0 +1,8 @@
+"""A seeded simulator of multibeam surveys: terrain, vehicle, sonar and dead reckoning.
+
+Only `cli` needs ROS: it writes a bag.
+"""
+
+
+class SurveyError(ValueError):
+    """A mistake in what the user asked for; the message names the value and what was expected."""

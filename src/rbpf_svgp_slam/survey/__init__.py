@@ -1,8 +1,0 @@
-"""A seeded simulator of multibeam surveys: terrain, vehicle, sonar and dead reckoning.
-
-Only `bag` (and `cli`, which calls it) needs ROS.
-"""
-
-
-class SurveyError(ValueError):
-    """A mistake in what the user asked for; the message names the value and what was expected."""

@@ -1,0 +1,1 @@
+"""The polygon that is surveyed, and grids over it."""
