@@ -11,7 +11,7 @@ namespace rbpf_core {
 struct LoggedBeam {
   float x_m, y_m;  // levelled body frame, relative to base_link
   float z_m;       // map, the same for every particle
-  PoseSlot slot;   // of its ping's pose, in every particle's past
+  PoseSlot slot;   // of its ping's pose, in every particle's trajectory
 };
 
 class MbesLog {
