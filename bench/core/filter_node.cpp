@@ -96,17 +96,18 @@ class FilterNode {
   bool grow(Trigger::Request&, Trigger::Response& response) {
     return answer(&response, [this](std::ostringstream* json) {
       const auto beams = static_cast<std::size_t>(own_.param("beams", 0));
-      for (; filter_.beams() < beams; t_s_ += kPingPeriod_s) {
+      for (; filter_.snapshot().beams() < beams; t_s_ += kPingPeriod_s) {
         filter_.addOdometry(odometryAt(t_s_));
         filter_.addPing(pingAt(t_s_));
       }
-      *json << ", \"beams\": " << filter_.beams() << ", \"pings\": " << filter_.pings();
+      *json << ", \"beams\": " << filter_.snapshot().beams()
+            << ", \"pings\": " << filter_.snapshot().pings();
     });
   }
 
   bool prompt(Trigger::Request&, Trigger::Response& response) {
     return answer(&response, [this](std::ostringstream* json) {
-      loop_.prompt(filter_.latestPing().value());
+      loop_.prompt(filter_.snapshot().latestPing().value());
       *json << ", \"outcome\": \"" << loop_.statistics().message << "\"";
     });
   }
@@ -114,7 +115,7 @@ class FilterNode {
   bool resample(Trigger::Request&, Trigger::Response& response) {
     return answer(&response, [this](std::ostringstream* json) {
       // half of the particles, chosen at random, have two offspring each, the others none
-      std::vector<std::uint32_t> offspring(filter_.particleCount(), 0);
+      std::vector<std::uint32_t> offspring(filter_.params().particles, 0);
       for (std::size_t left = offspring.size() / 2; left > 0;) {
         std::uint32_t& chosen = offspring[stream_.below(offspring.size())];
         if (chosen > 0) continue;

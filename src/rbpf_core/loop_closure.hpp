@@ -2,7 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <string>
+
+#include "rbpf_core/types.hpp"
 
 namespace rbpf_core {
 
@@ -22,14 +23,6 @@ struct LoopClosureParams {
   double mapped_variance = 0.25;  // mapped: latent variance below this share of the prior's
   double veto_sigma =
       4.0;  // RMS normalised innovation of the best particle above which no map explains the ping
-};
-
-// The maps' predictions of one ping, row j by particle j's map at its own beam positions, latent
-// (noise not included).
-struct PingPrediction {
-  Eigen::ArrayXXd mean_m;            // [J, n]
-  Eigen::ArrayXXd variance_m2;       // [J, n]
-  Eigen::ArrayXd prior_variance_m2;  // [J]
 };
 
 enum class PromptOutcome { kWeighted, kLittleOverlap, kVetoed };

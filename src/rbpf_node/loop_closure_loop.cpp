@@ -57,14 +57,15 @@ void LoopClosureLoop::skip(const std::string& why) {
 }
 
 bool LoopClosureLoop::promptIsDue() const {
-  const auto stamp_s = filter_.latestPingStamp();
+  const auto stamp_s = filter_.snapshot().latestPingStamp();
   return stamp_s && params_.loop_closure_rate_hz > 0.0 &&
          *stamp_s - last_prompt_s_ >= 1.0 / params_.loop_closure_rate_hz;
 }
 
 void LoopClosureLoop::promptIfDue() {
   if (!promptIsDue()) return;
-  const auto ping = filter_.latestPing();  // all particles' poses: not to be copied at every look
+  const auto ping =
+      filter_.snapshot().latestPing();  // all particles' poses: not to be copied at every look
   last_prompt_s_ = ping->stamp_s;
   const MapsState maps = maps_.state(epoch_);
   if (maps.nodes_heard < params_.nodes) {
@@ -104,8 +105,8 @@ void LoopClosureLoop::prompt(const rbpf_core::PlacedPing& ping) {
                           std::to_string(likelihood.best_innovation) + " sigma";
     return;
   }
-  const auto update = rbpf_core::updateWeights(filter_.logWeights(), likelihood.log_likelihood,
-                                               params_.loop_closure);
+  const auto update = rbpf_core::updateWeights(filter_.snapshot().logWeights(),
+                                               likelihood.log_likelihood, params_.loop_closure);
   filter_.setLogWeights(update.log_weights);
   const std::lock_guard lock(mutex_);
   ++statistics_.prompts;
@@ -115,7 +116,7 @@ void LoopClosureLoop::prompt(const rbpf_core::PlacedPing& ping) {
 }
 
 void LoopClosureLoop::resampleIfDepleted() {
-  const Eigen::ArrayXd weights = filter_.logWeights().exp();
+  const Eigen::ArrayXd weights = filter_.snapshot().logWeights().exp();
   const double threshold =
       params_.resampling_threshold * static_cast<double>(params_.filter.particles);
   if (rbpf_core::effectiveParticles(weights) >= threshold) return;

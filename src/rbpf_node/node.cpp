@@ -103,8 +103,9 @@ void SlamNode::handOnPings() {
     try {
       const Eigen::Isometry3d T_base_sensor = tf2::transformToEigen(
           transforms_.lookupTransform(params_.frames.base, frame, ros::Time(0)));
-      const std::string problem = filter_.addPing(toPing(message, T_base_sensor));
-      if (!problem.empty()) ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", problem.c_str());
+      filter_.addPing(toPing(message, T_base_sensor));
+    } catch (const rbpf_core::InputRefused& refused) {  // the filter has counted it
+      ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", refused.what());
     } catch (const std::exception& error) {
       ++pings_malformed_;
       ROS_ERROR_THROTTLE(kWarningPeriod_s, "Ping of stamp %.3f s refused: %s",
@@ -126,8 +127,9 @@ void SlamNode::notePingAges() {
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   finish();
   response.success = true;
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
   response.message =
-      std::to_string(filter_.pings()) + " pings, " + std::to_string(filter_.beams()) + " beams";
+      std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams";
   return true;
 }
 
@@ -136,7 +138,7 @@ bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
 rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   rbpf_svgp_slam::FilterStatus status;
   const rbpf_core::FilterSnapshot filter = filter_.snapshot();
-  const rbpf_core::Counters& counters = filter.counters();
+  const rbpf_core::Counters counters = filter.counters();
   const LoopClosureStatistics closures = loop_.statistics();
   const MapsState maps = maps_.state(loop_.epoch());
   const Eigen::ArrayXd weights = filter.logWeights().exp();

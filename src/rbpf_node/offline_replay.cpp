@@ -92,7 +92,7 @@ void OfflineReplay::trainFinally(double duration_s) {
 
 void OfflineReplay::trainUpTo(double survey_s) {
   if (!mapping()) return;
-  if (slam_.filter().beamsReleased() == 0) {
+  if (slam_.filter().snapshot().beamsReleased() == 0) {
     first_beams_s_ = survey_s;
     return;
   }
@@ -120,8 +120,8 @@ void OfflineReplay::awaitNodes(double survey_s) {
 
 std::string OfflineReplay::counts() const {
   const LoopClosureLoop& loop = slam_.loopClosureLoop();
-  return std::to_string(slam_.filter().pings()) + " pings, " +
-         std::to_string(slam_.filter().beams()) + " beams, " +
+  const rbpf_core::FilterSnapshot filter = slam_.filter().snapshot();
+  return std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams, " +
          std::to_string(loop.statistics().prompts) + " loop-closure prompts, " +
          std::to_string(loop.epoch()) + " resamplings";
 }

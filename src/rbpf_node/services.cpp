@@ -43,8 +43,9 @@ bool Services::serveBeams(Request& request, Response& response) {
 
 bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
                         rbpf_svgp_slam::GetPings::Response& response) {
-  response.pings_total = filter_.pings();
-  for (const rbpf_core::SurveyPing& ping : filter_.survey(request.first, request.count)) {
+  const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
+  response.pings_total = snapshot.pings();
+  for (const rbpf_core::SurveyPing& ping : snapshot.survey(request.first, request.count)) {
     const rbpf_core::PingRecord& record = ping.record;
     appendBytes(&record.stamp_s, 1, &response.stamps);
     appendPose(ping.estimate, record.attitude, &response.estimate);

@@ -49,13 +49,13 @@ TEST(HoldBack, LendsOnlyPingsThatAreOldEnough) {
   ParticleFilter filter(params);
   sailMarked(filter, 0, 30);  // the odometry has come to 29 s
   PlacedBeam beam;
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 0U);
-  EXPECT_EQ(filter.beams(), 120U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 0U);
+  EXPECT_EQ(filter.snapshot().beams(), 120U);
   sailMarked(filter, 30, 31);
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 4U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 4U);
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 0));
   sailMarked(filter, 31, 100);
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 280U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 280U);
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 69));
 }
 
@@ -82,7 +82,7 @@ TEST(HoldBack, DoesNotLendAPingEarlyBecauseItCameLate) {
   filter.addPing(pingAt(8.0, 4, 8.0F));
   filter.addPing(pingAt(2.0, 4, 2.0F));  // old enough, but behind a ping that is not
   PlacedBeam beam;
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 0U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 0U);
   for (int k = 10; k <= 13; ++k) filter.addOdometry(straight(k));
   EXPECT_EQ(pingsDrawnFrom(filter), (std::set<int>{2, 8}));
 }
@@ -95,21 +95,21 @@ TEST(Holdout, NeverLendsItsShareOfThePings) {
     sailMarked(filter, 0, 200);
     filter.finish();
     std::set<int> lent;
-    for (const SurveyPing& ping : filter.survey(0, 200)) {
+    for (const SurveyPing& ping : filter.snapshot().survey(0, 200)) {
       if (!ping.record.held_out) lent.insert(static_cast<int>(ping.record.stamp_s));
     }
     // floor of 200 share, give or take the rounding of the share
     EXPECT_NEAR(static_cast<double>(200 - lent.size()), 200.0 * share, 1.0) << share;
     EXPECT_EQ(pingsDrawnFrom(filter), lent) << share;
-    EXPECT_EQ(filter.beams(), 4 * lent.size());
-    EXPECT_EQ(filter.beams() + filter.beamsHeldOut(), 800U);
+    EXPECT_EQ(filter.snapshot().beams(), 4 * lent.size());
+    EXPECT_EQ(filter.snapshot().beams() + filter.snapshot().beamsHeldOut(), 800U);
   }
 }
 
 TEST(Holdout, OfZeroHoldsNothingOut) {
   ParticleFilter filter(quietParams());
   sailMarked(filter, 0, 200);
-  EXPECT_EQ(filter.beamsHeldOut(), 0U);
+  EXPECT_EQ(filter.snapshot().beamsHeldOut(), 0U);
 }
 
 TEST(Minibatch, CountsFromTheSurveysOrigin) {
@@ -130,7 +130,7 @@ TEST(Minibatch, OfAParticleThatDoesNotExistIsRefused) {
   ParticleFilter filter(quietParams(3));
   sailMarked(filter, 0, 5);
   PlacedBeam beam;
-  EXPECT_THROW(filter.drawMinibatch(3, 1, &beam), std::out_of_range);
+  EXPECT_THROW(filter.snapshot().drawMinibatch(3, 1, &beam), std::out_of_range);
 }
 
 // ---- the log in its order ----------------------------------------------------------------------
@@ -148,7 +148,7 @@ TEST(Block, HoldsTheLogInItsOrder) {
 TEST(Block, IsPlacedByTheHistoryThatTheParticleHasNow) {
   ParticleFilter filter(noisyParams(3));
   sail(filter, turning, 0, 30);
-  const std::size_t beams = filter.beamsReleased();
+  const std::size_t beams = filter.snapshot().beamsReleased();
   const std::vector<PlacedBeam> of_two = blockFrom(filter, 2, 0, beams);
   EXPECT_FALSE(blockFrom(filter, 0, 0, beams) == of_two);
   filter.resample({2, 1, 0});
@@ -162,7 +162,7 @@ TEST(Block, LeavesOutWhatIsHeldOutAndRefusesWhatIsHeldBack) {
   params.holdout = 0.5;  // every second ping, the first one not
   ParticleFilter filter(params);
   sailMarked(filter, 0, 100);
-  const std::size_t released = filter.beamsReleased();
+  const std::size_t released = filter.snapshot().beamsReleased();
   EXPECT_EQ(released, 4U * 35);  // pings 0, 2 .. 68 of 0 .. 69
   const std::vector<PlacedBeam> log = blockFrom(filter, 0, 0, released);
   for (std::size_t i = 0; i < log.size(); ++i) {
@@ -237,7 +237,7 @@ TEST(Minibatches, DoNotMoveTheParticles) {
     sail(left_alone, turning, k, k + 1);
     drawFrom(asked, static_cast<std::size_t>(k % 5), 77);
   }
-  EXPECT_EQ(asked.particles(), left_alone.particles());
+  EXPECT_EQ(asked.snapshot().particles(), left_alone.snapshot().particles());
 }
 
 // Four threads on one particle: together they get what one alone would have got, call by call.
@@ -283,7 +283,8 @@ TEST(ParticleFilterThreads, TakeOdometryInWhileMinibatchesAreDrawnWithoutAPause)
     threads.emplace_back([&] {
       std::vector<PlacedBeam> batch(1000);
       ++drawing;
-      while (!stop && Clock::now() < deadline) filter.drawMinibatch(0, batch.size(), batch.data());
+      while (!stop && Clock::now() < deadline)
+        filter.snapshot().drawMinibatch(0, batch.size(), batch.data());
     });
   }
   while (drawing < kThreads) std::this_thread::yield();
@@ -311,24 +312,24 @@ TEST(ParticleFilterThreads, DrawAndReadWhileTheSurveyGrowsAndIsResampled) {
           // on a circle of 20 m radius, with noise; a beam from elsewhere is a torn read
           if (!(std::hypot(beam.x_m, beam.y_m) < 500.0F) || beam.z_m != -30.0F) sound = false;
         }
-        const std::size_t last = filter.beamsReleased() - 1;
+        const std::size_t last = filter.snapshot().beamsReleased() - 1;
         if (blockFrom(filter, call % kParticles, last, 1).front().z_m != -30.0F) sound = false;
       }
     });
   }
   threads.emplace_back([&] {
     while (!stop) {
-      const auto ping = filter.latestPing();
+      const auto ping = filter.snapshot().latestPing();
       if (!ping || ping->poses.size() != kParticles) sound = false;
-      if (filter.survey(0, 3).size() != 3) sound = false;
-      if (filter.estimate().covariance.diagonal().minCoeff() < 0.0) sound = false;
-      filter.counters();
+      if (filter.snapshot().survey(0, 3).size() != 3) sound = false;
+      if (filter.snapshot().estimate().covariance.diagonal().minCoeff() < 0.0) sound = false;
+      filter.snapshot().counters();
     }
   });
   std::atomic<std::size_t> resampled{0};
   threads.emplace_back([&] {
     for (; !stop; ++resampled) {
-      filter.setLogWeights(filter.logWeights());
+      filter.setLogWeights(filter.snapshot().logWeights());
       filter.resample({0, 0, 1, 3, 3, 3, 6, 7});
       filter.resample({0, 1, 2, 3, 4, 5, 6, 7});
     }
@@ -337,7 +338,7 @@ TEST(ParticleFilterThreads, DrawAndReadWhileTheSurveyGrowsAndIsResampled) {
   stop = true;
   for (std::thread& thread : threads) thread.join();
   EXPECT_TRUE(sound);
-  EXPECT_EQ(filter.counters().pings_dropped, 0U);
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 0U);
 }
 
 // The most pings that came in while one call of `work` lasted, over up to 200 calls; no more calls
@@ -355,9 +356,9 @@ std::size_t pingsTakenInDuring(std::size_t enough, const Work& work) {
   });
   std::size_t most = 0;
   for (int call = 0; call < 200 && most < enough; ++call) {
-    const std::size_t before = filter.pings();
+    const std::size_t before = filter.snapshot().pings();
     work(filter);
-    most = std::max(most, filter.pings() - before);
+    most = std::max(most, filter.snapshot().pings() - before);
   }
   stop = true;
   vehicle.join();
@@ -368,11 +369,11 @@ std::size_t pingsTakenInDuring(std::size_t enough, const Work& work) {
 // pings would come in that slip in between the call's ends and the lock's.
 TEST(ParticleFilterThreads, PingsAreTakenInWhileOthersAreAtWork) {
   constexpr std::size_t kEnough = 50;
-  const auto reading = [](const ParticleFilter& filter) { filter.survey(0, 1000000); };
+  const auto reading = [](const ParticleFilter& filter) { filter.snapshot().survey(0, 1000000); };
   EXPECT_GE(pingsTakenInDuring(kEnough, reading), kEnough);
   std::vector<PlacedBeam> minibatch(1000000);
   const auto drawing = [&](const ParticleFilter& filter) {
-    filter.drawMinibatch(0, minibatch.size(), minibatch.data());
+    filter.snapshot().drawMinibatch(0, minibatch.size(), minibatch.data());
   };
   EXPECT_GE(pingsTakenInDuring(kEnough, drawing), kEnough);
 }
@@ -405,7 +406,7 @@ TEST(ParticleFilterSnapshot, StaysAsItWasWhileTheFilterGoesOn) {
   before.placeBlock(3, 0, again.size(), again.data());
   EXPECT_EQ(again, log);
   EXPECT_EQ(before.beamsReleased(), log.size());
-  EXPECT_GT(filter.beamsReleased(), log.size());
+  EXPECT_GT(filter.snapshot().beamsReleased(), log.size());
   EXPECT_EQ(before.latestPing()->index, survey.size() - 1);
 }
 
@@ -424,8 +425,8 @@ TEST(ParticleFilterSnapshot, HistoriesSurviveResamplingsAsTheyAreTakenIn) {
   ParticleFilter alone(noisyParams(kParticles));
   sail(alone, turning, 0, 100);
   for (const std::size_t particle : {0U, 2U}) {
-    EXPECT_EQ(blockFrom(filter, particle, 0, filter.beams()),
-              blockFrom(alone, particle, 0, alone.beams()));
+    EXPECT_EQ(blockFrom(filter, particle, 0, filter.snapshot().beams()),
+              blockFrom(alone, particle, 0, alone.snapshot().beams()));
   }
 }
 
