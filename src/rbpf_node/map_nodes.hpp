@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "rbpf_core/loop_closure.hpp"
+#include "rbpf_core/weighting.hpp"
 #include "rbpf_node/parameters.hpp"
 #include "rbpf_svgp_slam/MapStatus.h"
 
