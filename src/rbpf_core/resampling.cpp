@@ -20,6 +20,10 @@ Eigen::ArrayXd normalisedWeights(const Eigen::ArrayXd& log_weights) {
 
 double effectiveParticles(const Eigen::ArrayXd& weights) { return 1.0 / weights.square().sum(); }
 
+bool OnEffectiveSizeDrop::operator()(const Eigen::ArrayXd& weights) const {
+  return effectiveParticles(weights) < share * static_cast<double>(weights.size());
+}
+
 std::vector<std::uint32_t> systematicOffspring(const Eigen::ArrayXd& weights, double u) {
   const auto particles = static_cast<double>(weights.size());
   // summed in the same order as below, so that the last weight brings `cumulated` to `total`
