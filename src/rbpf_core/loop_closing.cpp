@@ -145,7 +145,7 @@ StepResult LoopClosing::rollBack(std::uint32_t epoch, const std::string& why) {
   try {
     maps_.abort(epoch);
   } catch (const std::exception&) {
-    // whoever has not been told will ask
+    // nodes that have not been told will ask
   }
   const std::string problem = "resampling rolled back: " + why;
   note([&](auto& statistics) {

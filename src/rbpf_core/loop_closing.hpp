@@ -72,7 +72,7 @@ class LoopClosing {
   StepResult step();
   bool isDue() const;
 
-  // The parts of a step, for whoever decides otherwise when they are due.
+  // The parts of a step, for callers with another rule of when they are due.
   StepResult weigh(const PlacedPing& ping);
   StepResult resample(const std::vector<std::uint32_t>& ancestors);
 

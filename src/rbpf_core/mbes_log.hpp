@@ -20,7 +20,7 @@ class MbesLog {
   void append(PoseSlot slot, const Beams& levelled_m);
 
   const LoggedBeam& operator[](std::size_t i) const { return beams_[i]; }
-  std::size_t size() const { return beams_.size(); }  // for the thread that appends
+  std::size_t size() const { return beams_.size(); }  // for the writer only
 
  private:
   AppendOnly<LoggedBeam, std::size_t{1} << 16> beams_;  // 1 MB a block

@@ -28,13 +28,13 @@ PlacedBeam place(const LoggedBeam& beam, const HistoryPose& pose, const Origin& 
 void drawMinibatch(const MbesLog& log, std::size_t beams, const Trajectories& trajectories,
                    std::size_t particle, const Origin& origin, RandomStream stream,
                    std::size_t size, PlacedBeam* out) {
-  // Random beams and their poses are nowhere near the processor. In three passes over a handful of
-  // draws it waits for all of the handful at once.
-  constexpr std::size_t kHandful = 64;
-  std::array<const LoggedBeam*, kHandful> beam{};
-  std::array<const HistoryPose*, kHandful> pose{};
-  for (std::size_t first = 0; first < size; first += kHandful) {
-    const std::size_t n = std::min(kHandful, size - first);
+  // Random beams and their poses are in no cache. In three passes over a group of draws the
+  // processor waits for the memory once a group, not once a beam.
+  constexpr std::size_t kGroup = 64;
+  std::array<const LoggedBeam*, kGroup> beam{};
+  std::array<const HistoryPose*, kGroup> pose{};
+  for (std::size_t first = 0; first < size; first += kGroup) {
+    const std::size_t n = std::min(kGroup, size - first);
     for (std::size_t i = 0; i < n; ++i) {
       beam[i] = &log[stream.below(beams)];
       prefetch(beam[i]);

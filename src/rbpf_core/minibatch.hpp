@@ -11,7 +11,7 @@ namespace rbpf_core {
 struct PlacedBeam {
   float x_m, y_m, z_m;
 };
-static_assert(sizeof(PlacedBeam) == 3 * sizeof(float), "goes over the wire as it stands");
+static_assert(sizeof(PlacedBeam) == 3 * sizeof(float), "is sent as these bytes");
 
 // The survey origin: coordinates on the wire count from here, so that float32 is enough anywhere.
 struct Origin {

@@ -129,7 +129,7 @@ void ParticleFilter::takeInWaiting() {
     try {
       takeIn(waiting_.begin()->second);
     } catch (const InputRefused&) {
-      // it has been counted; whoever brought it is no longer there to be told
+      // it has been counted, and this caller has not brought it
     }
     waiting_.erase(waiting_.begin());
   }

@@ -1,4 +1,4 @@
-// Which beams the filter lends to the maps, and that nobody's asking disturbs anybody else's.
+// Which beams the filter releases to the maps, and that no request for them disturbs another.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::set<int> range(int first, int last) {
 
 // ---- held back, held out -----------------------------------------------------------------------
 
-TEST(HoldBack, LendsOnlyPingsThatAreOldEnough) {
+TEST(HoldBack, ReleasesOnlyPingsThatAreOldEnough) {
   FilterParams params = quietParams();
   params.hold_back_s = 30.0;
   ParticleFilter filter(params);
@@ -66,13 +66,13 @@ TEST(HoldBack, EndsWithTheSurvey) {
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 99));
 }
 
-TEST(HoldBack, OfZeroLendsEverythingAtOnce) {
+TEST(HoldBack, OfZeroReleasesEverythingAtOnce) {
   ParticleFilter filter(quietParams());
   sailMarked(filter, 0, 20);
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 19));
 }
 
-TEST(HoldBack, DoesNotLendAPingEarlyBecauseItCameLate) {
+TEST(HoldBack, DoesNotReleaseAPingEarlyBecauseItCameLate) {
   FilterParams params = quietParams();
   params.hold_back_s = 5.0;
   ParticleFilter filter(params);
@@ -85,21 +85,21 @@ TEST(HoldBack, DoesNotLendAPingEarlyBecauseItCameLate) {
   EXPECT_EQ(pingsDrawnFrom(filter), (std::set<int>{2, 8}));
 }
 
-TEST(Holdout, NeverLendsItsShareOfThePings) {
+TEST(Holdout, NeverReleasesItsShareOfThePings) {
   for (const double share : {0.02, 0.1, 0.25, 0.5}) {
     FilterParams params = quietParams();
     params.holdout = share;
     ParticleFilter filter(params);
     sailMarked(filter, 0, 200);
     filter.finish();
-    std::set<int> lent;
+    std::set<int> released;
     for (const SurveyPing& ping : filter.snapshot().survey(0, 200)) {
-      if (!ping.record.held_out) lent.insert(static_cast<int>(ping.record.stamp_s));
+      if (!ping.record.held_out) released.insert(static_cast<int>(ping.record.stamp_s));
     }
     // floor of 200 share, give or take the rounding of the share
-    EXPECT_NEAR(static_cast<double>(200 - lent.size()), 200.0 * share, 1.0) << share;
-    EXPECT_EQ(pingsDrawnFrom(filter), lent) << share;
-    EXPECT_EQ(filter.snapshot().beams(), 4 * lent.size());
+    EXPECT_NEAR(static_cast<double>(200 - released.size()), 200.0 * share, 1.0) << share;
+    EXPECT_EQ(pingsDrawnFrom(filter), released) << share;
+    EXPECT_EQ(filter.snapshot().beams(), 4 * released.size());
     EXPECT_EQ(filter.snapshot().beams() + filter.snapshot().beamsHeldOut(), 800U);
   }
 }
@@ -187,7 +187,7 @@ TEST(Block, DoesNotDisturbTheMinibatches) {
   EXPECT_TRUE(drawFrom(asked, 1, 100) == drawFrom(left_alone, 1, 100));
 }
 
-// ---- whoever asks, whenever --------------------------------------------------------------------
+// ---- requests in any order and number ----------------------------------------------------------
 
 using Batch = std::vector<PlacedBeam>;
 
