@@ -14,7 +14,8 @@
 #include <exception>
 #include <sstream>
 
-#include "rbpf_node/loop_closure_loop.hpp"
+#include "rbpf_core/loop_closing.hpp"
+#include "rbpf_node/map_nodes.hpp"
 #include "rbpf_node/services.hpp"
 #include "rbpf_node/spinning.hpp"
 #include "synthetic_survey.hpp"
@@ -70,13 +71,17 @@ class FilterNode {
       : own_(spinning->privateNode()),
         filter_(params.filter),
         maps_(spinning->node(), params),
-        loop_(filter_, maps_, params),
-        services_(own_, filter_, loop_),
+        loop_closing_(filter_, maps_, {0.0, params.loop_closure, {}}),
+        services_(own_, filter_, loop_closing_),
         servers_{own_.advertiseService("grow", &FilterNode::grow, this),
                  own_.advertiseService("prompt", &FilterNode::prompt, this),
                  own_.advertiseService("resample", &FilterNode::resample, this)} {}
 
  private:
+  static void expectDone(const rbpf_core::StepResult& result) {
+    if (!result.problem.empty()) throw std::runtime_error(result.problem);
+  }
+
   template <typename Work>
   static bool answer(Trigger::Response* response, const Work& work) {
     const auto start = std::chrono::steady_clock::now();
@@ -96,25 +101,26 @@ class FilterNode {
   bool grow(Trigger::Request&, Trigger::Response& response) {
     return answer(&response, [this](std::ostringstream* json) {
       const auto beams = static_cast<std::size_t>(own_.param("beams", 0));
-      for (; filter_.beams() < beams; t_s_ += kPingPeriod_s) {
+      for (; filter_.snapshot().beams() < beams; t_s_ += kPingPeriod_s) {
         filter_.addOdometry(odometryAt(t_s_));
         filter_.addPing(pingAt(t_s_));
       }
-      *json << ", \"beams\": " << filter_.beams() << ", \"pings\": " << filter_.pings();
+      const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
+      *json << ", \"beams\": " << snapshot.beams() << ", \"pings\": " << snapshot.pings();
     });
   }
 
   bool prompt(Trigger::Request&, Trigger::Response& response) {
     return answer(&response, [this](std::ostringstream* json) {
-      loop_.prompt(filter_.latestPing().value());
-      *json << ", \"outcome\": \"" << loop_.statistics().message << "\"";
+      expectDone(loop_closing_.weigh(filter_.snapshot().latestPing().value()));
+      *json << ", \"outcome\": \"" << loop_closing_.statistics().message << "\"";
     });
   }
 
   bool resample(Trigger::Request&, Trigger::Response& response) {
     return answer(&response, [this](std::ostringstream* json) {
       // half of the particles, chosen at random, have two offspring each, the others none
-      std::vector<std::uint32_t> offspring(filter_.particleCount(), 0);
+      std::vector<std::uint32_t> offspring(filter_.params().particles, 0);
       for (std::size_t left = offspring.size() / 2; left > 0;) {
         std::uint32_t& chosen = offspring[stream_.below(offspring.size())];
         if (chosen > 0) continue;
@@ -122,12 +128,9 @@ class FilterNode {
         --left;
       }
       if (offspring.size() % 2 == 1) ++offspring.back();
-      const auto before = loop_.statistics();
-      loop_.resample(rbpf_core::numberOffspring(offspring, maps_.nodeOf()));
-      const auto after = loop_.statistics();
-      if (after.resamplings_failed > before.resamplings_failed) {
-        throw std::runtime_error(after.message);
-      }
+      const auto before = loop_closing_.statistics();
+      expectDone(loop_closing_.resample(rbpf_core::numberOffspring(offspring, maps_.nodeOf())));
+      const auto after = loop_closing_.statistics();
       *json << ", \"maps_moved\": " << after.moved.maps - before.moved.maps
             << ", \"bytes_moved\": " << after.moved.bytes - before.moved.bytes;
     });
@@ -136,7 +139,7 @@ class FilterNode {
   ros::NodeHandle own_;
   rbpf_core::ParticleFilter filter_;
   rbpf_node::MapNodes maps_;
-  rbpf_node::LoopClosureLoop loop_;
+  rbpf_core::LoopClosing loop_closing_;
   rbpf_node::Services services_;
   ros::ServiceServer servers_[3];
   rbpf_core::RandomStream stream_{1};

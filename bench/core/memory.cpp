@@ -26,19 +26,24 @@ int main(int argc, char** argv) {
     return EXIT_FAILURE;
   }
   const double before_mb = residentMb();
-  rbpf_core::SurveyBooks books;
+  rbpf_core::SurveyLog log;
   rbpf_core::TrajectoryHistories histories(bench::Size{}.particles);
   bench::makeSurvey(
       bench::Size{}, static_cast<std::uint32_t>(std::atoi(argv[1])),
       [&](const auto& poses, const auto& beams) {
         const rbpf_core::PoseSlot slot = histories.append(poses);
-        books.records.push_back(
-            {0.0, {}, {}, slot, books.log.size(), static_cast<std::uint32_t>(beams.cols()), false});
-        books.log.append(slot, beams);
+        log.pings.push_back({0.0,
+                             {},
+                             {},
+                             slot,
+                             log.training.size(),
+                             static_cast<std::uint32_t>(beams.cols()),
+                             false});
+        log.training.append(slot, beams);
       },
       [&](const auto& ancestors) { histories.resample(ancestors); });
   std::printf("{\"resident_mb\": %.1f, \"beams\": %zu, \"pings\": %zu, \"stored_poses\": %zu}\n",
-              residentMb() - before_mb, books.log.size(), books.records.size(),
+              residentMb() - before_mb, log.training.size(), log.pings.size(),
               histories.storedPoses());
   return EXIT_SUCCESS;
 }

@@ -25,7 +25,8 @@ struct Segments {
   }
 
   void draw(std::size_t particle, RandomStream stream, PlacedBeam* out) const {
-    drawMinibatch(log, log.size(), *histories.pasts(), particle, {}, stream, kMinibatch, out);
+    drawMinibatch(log, log.size(), *histories.trajectories(), particle, {}, stream, kMinibatch,
+                  out);
   }
 
   TrajectoryHistories histories;

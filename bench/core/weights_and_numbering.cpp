@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "rbpf_core/loop_closure.hpp"
 #include "rbpf_core/random.hpp"
 #include "rbpf_core/resampling.hpp"
+#include "rbpf_core/weighting.hpp"
 
 namespace {
 
@@ -34,7 +34,7 @@ Eigen::ArrayXXd normal(Eigen::Index rows, Eigen::Index columns, RandomStream* st
 // Shortest wall time, s, from predictions to new weights.
 double secondsToWeigh(rbpf_core::WeightRule rule) {
   RandomStream stream(1);
-  rbpf_core::LoopClosureParams params;
+  rbpf_core::WeightingParams params;
   params.rule = rule;
   const rbpf_core::PingPrediction prediction{0.3 * normal(kParticles, kBeams, &stream),
                                              normal(kParticles, kBeams, &stream).square() * 0.01,

@@ -9,8 +9,8 @@
 
 namespace rbpf_core {
 
-// One thread appends while any number of threads read: a reader may look at every element below a
-// size that the appending thread has told it of (under a mutex, say), without any lock.
+// One thread appends while any number of threads read. Without any lock, a reader may read all
+// elements below a size that the writer has published (under a mutex, say).
 template <typename T, std::size_t kBlockElements>
 class AppendOnly {
  public:
@@ -29,12 +29,12 @@ class AppendOnly {
     return blocks_[i / kBlockElements][i % kBlockElements];
   }
 
-  std::size_t size() const { return size_; }  // for the thread that appends
+  std::size_t size() const { return size_; }  // for the writer only
 
  private:
   static constexpr std::size_t kMostBlocks = std::size_t{1} << 15;
 
-  // as long as it will ever be: a directory that grew would move under its readers
+  // as long as it will ever be: one that grew would move while it is read
   std::vector<std::unique_ptr<T[]>> blocks_ = std::vector<std::unique_ptr<T[]>>(kMostBlocks);
   std::size_t size_ = 0;
 };

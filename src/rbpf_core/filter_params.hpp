@@ -1,4 +1,4 @@
-// What the filter is told before it starts.
+// What the filter is told before it starts. Defaults are those of config/default.yaml.
 #pragma once
 
 #include <cstdint>
@@ -11,19 +11,27 @@
 namespace rbpf_core {
 
 struct FilterParams {
-  std::size_t particles = 40;  // J
+  // J
+  std::size_t particles = 40;
+  // Of every random number.
   std::uint64_t seed = 1;
-  std::optional<Pose2> start_pose;  // in map; without one, the first odometry's own pose
+  // In map; without one, the first odometry's own pose.
+  std::optional<Pose2> start_pose;
+  // Standard deviation of the start, x and y alike.
   double start_position_std_m = 0.0;
   double start_yaw_std_rad = 0.0;
   MotionNoise motion;
   PingFilterParams pings;
-  std::size_t ping_queue = 200;  // pings that may wait for odometry
-  double hold_back_s =
-      30.0;               // pings younger than this are not drawn into minibatches; 0: the paper's
-  double holdout = 0.02;  // share of pings never drawn
-  bool common_random_numbers = false;  // the k-th minibatches of all particles: the same beams
-  Origin origin;                       // of minibatch coordinates
+  // Pings that may wait for odometry at or after their stamps.
+  std::size_t ping_queue = 200;
+  // Pings younger than this are not drawn into minibatches; 0: the paper's.
+  double hold_back_s = 30.0;
+  // Share of the pings that are never drawn, for evaluation.
+  double holdout = 0.02;
+  // The k-th minibatches of all particles hold the same beams.
+  bool common_random_numbers = false;
+  // From which the coordinates of minibatches count.
+  Origin origin;
 };
 
 }  // namespace rbpf_core

@@ -13,9 +13,9 @@ std::size_t FilterSnapshot::drawMinibatch(std::size_t particle, std::size_t size
   if (beams_released_ == 0) return 0;
   const std::uint64_t call = minibatch_calls_->at(particle).fetch_add(1);
   const std::size_t stream_of = params_->common_random_numbers ? 0 : particle;
-  rbpf_core::drawMinibatch(books_->log, beams_released_, *pasts_, particle, params_->origin,
-                           makeStream(params_->seed, StreamPurpose::kMinibatch, stream_of, call),
-                           size, out);
+  rbpf_core::drawMinibatch(
+      log_->training, beams_released_, *trajectories_, particle, params_->origin,
+      makeStream(params_->seed, StreamPurpose::kMinibatch, stream_of, call), size, out);
   return beams_released_;
 }
 
@@ -30,7 +30,8 @@ void FilterSnapshot::placeBlock(std::size_t particle, std::size_t first, std::si
                             ", expected no more than the " + std::to_string(beams_released_) +
                             " released");
   }
-  rbpf_core::placeBlock(books_->log, first, size, *pasts_, particle, params_->origin, out);
+  rbpf_core::placeBlock(log_->training, first, size, *trajectories_, particle, params_->origin,
+                        out);
 }
 
 // ---- where the particles are -----------------------------------------------------------------
@@ -62,32 +63,33 @@ Eigen::Matrix3d weightedCovariance(const std::vector<Pose2>& poses, const Eigen:
 }
 
 Estimate FilterSnapshot::estimate() const {
-  if (!now_) return {};
+  if (!particles_) return {};
   const Eigen::ArrayXd weights = log_weights_->exp();
   Estimate estimate;
-  estimate.stamp_s = now_->odometry.stamp_s;
-  estimate.attitude = now_->odometry.attitude;
-  estimate.mean = weightedMean(now_->poses, weights);
-  estimate.covariance = weightedCovariance(now_->poses, weights, estimate.mean);
-  estimate.odometry = now_->odometry.pose;
-  estimate.dead_reckoning = now_->dead_reckoning;
+  estimate.stamp_s = particles_->odometry.stamp_s;
+  estimate.attitude = particles_->odometry.attitude;
+  estimate.mean = weightedMean(particles_->poses, weights);
+  estimate.covariance = weightedCovariance(particles_->poses, weights, estimate.mean);
+  estimate.odometry = particles_->odometry.pose;
+  estimate.dead_reckoning = particles_->dead_reckoning;
   return estimate;
 }
 
 std::vector<Pose2> FilterSnapshot::particles() const {
-  return now_ ? now_->poses : std::vector<Pose2>{};
+  return particles_ ? particles_->poses : std::vector<Pose2>{};
 }
 
 // ---- pings -----------------------------------------------------------------------------------
 
 std::vector<Pose2> FilterSnapshot::posesAt(PoseSlot slot) const {
   std::vector<Pose2> poses;
-  for (std::size_t j = 0; j < pasts_->particles(); ++j) poses.push_back(pasts_->at(j, slot).pose());
+  for (std::size_t j = 0; j < trajectories_->particles(); ++j)
+    poses.push_back(trajectories_->at(j, slot).pose());
   return poses;
 }
 
 Beams FilterSnapshot::beamsOf(const PingRecord& record) const {
-  const MbesLog& log = record.held_out ? books_->held_out : books_->log;
+  const MbesLog& log = record.held_out ? log_->held_out : log_->training;
   Beams beams(3, record.beams);
   for (std::uint32_t i = 0; i < record.beams; ++i) {
     const LoggedBeam& beam = log[record.first_beam + i];

@@ -1,4 +1,4 @@
-// What the filter knows at one instant, for everybody but the thread that feeds it.
+// What the filter knows at one moment, for every thread but the one that feeds it.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,62 +19,68 @@ struct PingRecord {
   double stamp_s;
   Attitude attitude;
   Pose2 dead_reckoning;
-  PoseSlot slot;           // of its pose in every particle's past
-  std::size_t first_beam;  // in the training log, or in the held-out log
+  // Of its pose in every particle's trajectory.
+  PoseSlot slot;
+  // Its first beam's number in SurveyLog::training, or in held_out if it is held out.
+  std::size_t first_beam;
   std::uint32_t beams;
   bool held_out;
 };
 
 struct Counters {
   std::uint64_t odometry_messages = 0;
-  std::uint64_t odometry_rejected = 0;  // not finite, or not later than the one before
-  std::uint64_t pings_dropped = 0;      // no odometry for them, or the queue overflowed
-  std::uint64_t pings_rejected = 0;     // no good beam
+  // Not finite, or not later than the one before.
+  std::uint64_t odometry_rejected = 0;
+  // No odometry for them, or the queue overflowed.
+  std::uint64_t pings_dropped = 0;
+  // No good beam.
+  std::uint64_t pings_rejected = 0;
   std::uint64_t beams_rejected = 0;
 };
 
-// All particles and the vehicle at one odometry message.
-struct Instant {
+// All particles and the vehicle at one stamp.
+struct StampedParticles {
+  using ConstPtr = std::shared_ptr<const StampedParticles>;
+
   Odometry odometry;
   Pose2 dead_reckoning;
   std::vector<Pose2> poses;  // [J]
 };
 
-// Estimate and spread of the particles at one instant.
+// Estimate and spread of the particles at one stamp.
 struct Estimate {
   double stamp_s = 0.0;
   Attitude attitude;
-  Pose2 mean;                                            // weighted, yaw on the circle
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of x, y, yaw
-  Pose2 odometry;                                        // the odometry's own pose at that stamp
+  // Weighted, yaw on the circle.
+  Pose2 mean;
+  // Of x, y, yaw.
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  // The odometry's own pose at that stamp.
+  Pose2 odometry;
   Pose2 dead_reckoning;
-};
-
-// A ping and where each particle saw it.
-struct PlacedPing {
-  double stamp_s = 0.0;
-  std::uint32_t index = 0;
-  Beams levelled_m;          // x, y in the levelled body frame, z in map
-  std::vector<Pose2> poses;  // [J]
 };
 
 // One ping of the finished or growing survey, with the weighted mean of the particles' histories.
 struct SurveyPing {
   PingRecord record;
   Pose2 estimate;
-  Eigen::Vector2d std_m;  // weighted spread of the particles' x, y
+  // Weighted spread of the particles' x, y.
+  Eigen::Vector2d std_m;
   Beams levelled_m;
 };
 
-// What the filter has taken in: it only grows, and a snapshot says how far it may be read.
-struct SurveyBooks {
-  AppendOnly<PingRecord, 4096> records;
-  MbesLog log;       // beams for training
-  MbesLog held_out;  // beams of the pings kept out of it
+// Every ping taken in, and its beams. Only grows: a snapshot says how far it may be read.
+struct SurveyLog {
+  AppendOnly<PingRecord, 4096> pings;
+  // Beams that maps are trained on: the paper's D_t.
+  MbesLog training;
+  // Beams of the pings kept out of it, for evaluation.
+  MbesLog held_out;
 };
 
-// Costs a few pointers to make, stays as it is while the filter goes on, and locks nothing: it may
-// be kept for as long as one likes, but not longer than its filter.
+// The filter as it was when the snapshot was taken. A copy of a few pointers and numbers: it stays
+// as it is while the filter goes on, and reading it locks nothing. It may be kept for as long as
+// its filter lives.
 class FilterSnapshot {
  public:
   // Algorithm 1: see rbpf_core::drawMinibatch. Returns N, the beams that can be drawn; draws none
@@ -87,20 +93,21 @@ class FilterSnapshot {
 
   Estimate estimate() const;
   std::vector<Pose2> particles() const;
-  const Eigen::ArrayXd& logWeights() const { return *log_weights_; }  // [J], normalised
+  Eigen::ArrayXd logWeights() const { return *log_weights_; }  // [J], normalised
 
   std::optional<PlacedPing> latestPing() const;
   std::optional<double> latestPingStamp() const;  // s; copies no poses
   std::vector<SurveyPing> survey(std::size_t first, std::size_t count,
                                  std::size_t stride = 1) const;
-  const PingRecord& record(std::size_t ping) const { return books_->records[ping]; }
+  const PingRecord& record(std::size_t ping) const { return log_->pings[ping]; }
 
   std::size_t pings() const { return pings_; }
   std::size_t pingsWaiting() const { return pings_waiting_; }
-  std::size_t beams() const { return beams_; }                   // in the training log
-  std::size_t beamsReleased() const { return beams_released_; }  // of those, trained on now
+  // In the training log; and those of them that may be trained on now.
+  std::size_t beams() const { return beams_; }
+  std::size_t beamsReleased() const { return beams_released_; }
   std::size_t beamsHeldOut() const { return beams_held_out_; }
-  const Counters& counters() const { return counters_; }
+  Counters counters() const { return counters_; }
 
  private:
   friend class ParticleFilter;
@@ -109,10 +116,11 @@ class FilterSnapshot {
   Beams beamsOf(const PingRecord& record) const;
 
   const FilterParams* params_ = nullptr;
-  const SurveyBooks* books_ = nullptr;
+  const SurveyLog* log_ = nullptr;
   std::vector<std::atomic<std::uint64_t>>* minibatch_calls_ = nullptr;  // [J]
-  std::shared_ptr<const Pasts> pasts_;
-  std::shared_ptr<const Instant> now_;  // null before the first odometry
+  std::shared_ptr<const Trajectories> trajectories_;
+  // Null before the first odometry.
+  StampedParticles::ConstPtr particles_;
   std::shared_ptr<const Eigen::ArrayXd> log_weights_;
   std::size_t pings_ = 0;
   std::size_t pings_waiting_ = 0;

@@ -11,7 +11,7 @@ namespace rbpf_core {
 struct LoggedBeam {
   float x_m, y_m;  // levelled body frame, relative to base_link
   float z_m;       // map, the same for every particle
-  PoseSlot slot;   // of its ping's pose, in every particle's past
+  PoseSlot slot;   // of its ping's pose, in every particle's trajectory
 };
 
 class MbesLog {
@@ -20,7 +20,7 @@ class MbesLog {
   void append(PoseSlot slot, const Beams& levelled_m);
 
   const LoggedBeam& operator[](std::size_t i) const { return beams_[i]; }
-  std::size_t size() const { return beams_.size(); }  // for the thread that appends
+  std::size_t size() const { return beams_.size(); }  // for the writer only
 
  private:
   AppendOnly<LoggedBeam, std::size_t{1} << 16> beams_;  // 1 MB a block

@@ -25,34 +25,36 @@ PlacedBeam place(const LoggedBeam& beam, const HistoryPose& pose, const Origin& 
           static_cast<float>(pose.y_m - origin.y_m) + north_m, beam.z_m};
 }
 
-void drawMinibatch(const MbesLog& log, std::size_t beams, const Pasts& pasts, std::size_t particle,
-                   const Origin& origin, RandomStream stream, std::size_t size, PlacedBeam* out) {
-  // Random beams and their poses are nowhere near the processor. In three passes over a handful of
-  // draws it waits for all of the handful at once.
-  constexpr std::size_t kHandful = 64;
-  std::array<const LoggedBeam*, kHandful> beam{};
-  std::array<const HistoryPose*, kHandful> pose{};
-  for (std::size_t first = 0; first < size; first += kHandful) {
-    const std::size_t n = std::min(kHandful, size - first);
+void drawMinibatch(const MbesLog& log, std::size_t beams, const Trajectories& trajectories,
+                   std::size_t particle, const Origin& origin, RandomStream stream,
+                   std::size_t size, PlacedBeam* out) {
+  // Random beams and their poses are in no cache. In three passes over a group of draws the
+  // processor waits for the memory once a group, not once a beam.
+  constexpr std::size_t kGroup = 64;
+  std::array<const LoggedBeam*, kGroup> beam{};
+  std::array<const HistoryPose*, kGroup> pose{};
+  for (std::size_t first = 0; first < size; first += kGroup) {
+    const std::size_t n = std::min(kGroup, size - first);
     for (std::size_t i = 0; i < n; ++i) {
       beam[i] = &log[stream.below(beams)];
       prefetch(beam[i]);
     }
     for (std::size_t i = 0; i < n; ++i) {
-      pose[i] = &pasts.at(particle, beam[i]->slot);
+      pose[i] = &trajectories.at(particle, beam[i]->slot);
       prefetch(pose[i]);
     }
     for (std::size_t i = 0; i < n; ++i) out[first + i] = place(*beam[i], *pose[i], origin);
   }
 }
 
-void placeBlock(const MbesLog& log, std::size_t first, std::size_t size, const Pasts& pasts,
-                std::size_t particle, const Origin& origin, PlacedBeam* out) {
+void placeBlock(const MbesLog& log, std::size_t first, std::size_t size,
+                const Trajectories& trajectories, std::size_t particle, const Origin& origin,
+                PlacedBeam* out) {
   const std::size_t end = first + size;
   for (std::size_t i = first; i < end;) {
     // a ping's beams follow one another: one look-up for all of them
     const PoseSlot slot = log[i].slot;
-    const HistoryPose& pose = pasts.at(particle, slot);
+    const HistoryPose& pose = trajectories.at(particle, slot);
     for (; i < end && log[i].slot == slot; ++i) *out++ = place(log[i], pose, origin);
   }
 }

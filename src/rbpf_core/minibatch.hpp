@@ -11,7 +11,7 @@ namespace rbpf_core {
 struct PlacedBeam {
   float x_m, y_m, z_m;
 };
-static_assert(sizeof(PlacedBeam) == 3 * sizeof(float), "goes over the wire as it stands");
+static_assert(sizeof(PlacedBeam) == 3 * sizeof(float), "is sent as these bytes");
 
 // The survey origin: coordinates on the wire count from here, so that float32 is enough anywhere.
 struct Origin {
@@ -22,13 +22,15 @@ struct Origin {
 PlacedBeam place(const LoggedBeam& beam, const HistoryPose& pose, const Origin& origin);
 
 // `size` beams into out[0 .. size-1], drawn independently and uniformly over the log's first
-// `beams` beams, with replacement, each at its own ping's pose in the particle's past.
-void drawMinibatch(const MbesLog& log, std::size_t beams, const Pasts& pasts, std::size_t particle,
-                   const Origin& origin, RandomStream stream, std::size_t size, PlacedBeam* out);
+// `beams` beams, with replacement, each at its own ping's pose in the particle's trajectory.
+void drawMinibatch(const MbesLog& log, std::size_t beams, const Trajectories& trajectories,
+                   std::size_t particle, const Origin& origin, RandomStream stream,
+                   std::size_t size, PlacedBeam* out);
 
 // The log's beams first .. first + size - 1 into out[0 .. size-1], each at its own ping's pose in
-// the particle's past.
-void placeBlock(const MbesLog& log, std::size_t first, std::size_t size, const Pasts& pasts,
-                std::size_t particle, const Origin& origin, PlacedBeam* out);
+// the particle's trajectory.
+void placeBlock(const MbesLog& log, std::size_t first, std::size_t size,
+                const Trajectories& trajectories, std::size_t particle, const Origin& origin,
+                PlacedBeam* out);
 
 }  // namespace rbpf_core

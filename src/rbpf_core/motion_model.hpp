@@ -7,11 +7,14 @@
 namespace rbpf_core {
 
 // Process noise, standard deviations per square root of a second: the variance grows with time,
-// whatever the odometry's rate.
+// whatever the odometry's rate. Defaults are those of config/default.yaml.
 struct MotionNoise {
-  double surge_std_m = 0.05;   // m/sqrt(s), along the vehicle
-  double sway_std_m = 0.05;    // m/sqrt(s), across the vehicle
-  double yaw_std_rad = 0.001;  // rad/sqrt(s)
+  // m/sqrt(s), along the vehicle.
+  double surge_std_m = 0.05;
+  // m/sqrt(s), across the vehicle.
+  double sway_std_m = 0.05;
+  // rad/sqrt(s)
+  double yaw_std_rad = 0.001;
 };
 
 // What the odometry says of one interval, in the levelled body frame at its start.

@@ -10,8 +10,8 @@ namespace rbpf_core {
 
 namespace {
 
-constexpr double kRecent_s =
-    10.0;  // a ping may come this much later than the odometry of its stamp
+// A ping may come this much later than the odometry of its stamp.
+constexpr double kRecent_s = 10.0;
 
 bool isFinite(const Odometry& odometry) {
   const Attitude& a = odometry.attitude;
@@ -44,28 +44,27 @@ ParticleFilter::ParticleFilter(const FilterParams& params)
       motion_streams_(streamsFor(StreamPurpose::kMotion, params)),
       histories_(params.particles),
       minibatch_calls_(params.particles) {
-  shown_.params_ = &params_;
-  shown_.books_ = &books_;
-  shown_.minibatch_calls_ = &minibatch_calls_;
-  shown_.pasts_ = histories_.pasts();
-  shown_.log_weights_ = uniformLogWeights(params.particles);
+  published_.params_ = &params_;
+  published_.log_ = &log_;
+  published_.minibatch_calls_ = &minibatch_calls_;
+  published_.trajectories_ = histories_.trajectories();
+  published_.log_weights_ = uniformLogWeights(params.particles);
 }
 
 // ---- odometry: the particles move ----------------------------------------------------------
 
 void ParticleFilter::addOdometry(const Odometry& odometry) {
-  const Writing writing(this);
-  if (!isFinite(odometry)) {
-    ++counters_.odometry_rejected;
-    throw std::invalid_argument("odometry of stamp " + std::to_string(odometry.stamp_s) +
-                                " s holds a value that is not finite");
-  }
+  const WriterLock lock(this);
   try {
-    recent_.push_back(std::make_shared<const Instant>(
-        recent_.empty() ? startAt(odometry) : moveOn(*recent_.back(), odometry)));
-  } catch (const std::invalid_argument&) {
+    if (!isFinite(odometry)) {
+      throw std::invalid_argument("odometry of stamp " + std::to_string(odometry.stamp_s) +
+                                  " s holds a value that is not finite");
+    }
+    recent_.push_back(std::make_shared<const StampedParticles>(
+        recent_.empty() ? startAt(odometry) : propagate(*recent_.back(), odometry)));
+  } catch (const std::invalid_argument& error) {
     ++counters_.odometry_rejected;
-    throw;
+    throw InputRefused(error.what());
   }
   ++counters_.odometry_messages;
   while (recent_.size() > 2 && recent_[1]->odometry.stamp_s < odometry.stamp_s - kRecent_s) {
@@ -75,24 +74,24 @@ void ParticleFilter::addOdometry(const Odometry& odometry) {
   releaseHeldBack();
 }
 
-Instant ParticleFilter::startAt(const Odometry& odometry) const {
+StampedParticles ParticleFilter::startAt(const Odometry& odometry) const {
   const Pose2 start = params_.start_pose.value_or(odometry.pose);
-  Instant instant{odometry, start, {}};
+  StampedParticles particles{odometry, start, {}};
   std::normal_distribution<double> normal;
   for (RandomStream& stream : streamsFor(StreamPurpose::kStart, params_)) {
     Pose2 pose = start;
     pose.x_m += params_.start_position_std_m * normal(stream);
     pose.y_m += params_.start_position_std_m * normal(stream);
     pose.yaw_rad = wrapAngle(pose.yaw_rad + params_.start_yaw_std_rad * normal(stream));
-    instant.poses.push_back(pose);
+    particles.poses.push_back(pose);
     normal.reset();  // its spare value belongs to this particle's stream
   }
-  return instant;
+  return particles;
 }
 
-Instant ParticleFilter::moveOn(const Instant& from, const Odometry& odometry) {
+StampedParticles ParticleFilter::propagate(const StampedParticles& from, const Odometry& odometry) {
   const MotionIncrement motion = motionBetween(from.odometry, odometry);
-  Instant to{odometry, advance(from.dead_reckoning, motion), from.poses};
+  StampedParticles to{odometry, advance(from.dead_reckoning, motion), from.poses};
   for (std::size_t j = 0; j < to.poses.size(); ++j) {
     to.poses[j] = advanceNoisily(from.poses[j], motion, params_.motion, motion_streams_[j]);
   }
@@ -101,45 +100,50 @@ Instant ParticleFilter::moveOn(const Instant& from, const Odometry& odometry) {
 
 // ---- pings: the log and the histories grow -------------------------------------------------
 
-std::string ParticleFilter::addPing(Ping ping) {
-  const Writing writing(this);
+void ParticleFilter::addPing(Ping ping) {
+  const WriterLock lock(this);
   if (!std::isfinite(ping.stamp_s)) {
     ++counters_.pings_rejected;
-    return "ping's stamp is not finite";
+    throw InputRefused("ping's stamp is not finite");
   }
   if (!recent_.empty() && ping.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(ping);
   if (finished_) {
     ++counters_.pings_dropped;
-    return "ping of stamp " + std::to_string(ping.stamp_s) + " s came after the survey's end";
+    throw InputRefused("ping of stamp " + std::to_string(ping.stamp_s) +
+                       " s came after the survey's end");
   }
   const double stamp_s = ping.stamp_s;
   waiting_.emplace(stamp_s, std::move(ping));
-  if (waiting_.size() <= params_.ping_queue) return "";
+  if (waiting_.size() <= params_.ping_queue) return;
   const double oldest_s = waiting_.begin()->first;
   waiting_.erase(waiting_.begin());
   ++counters_.pings_dropped;
-  return "ping of stamp " + std::to_string(oldest_s) +
-         " s dropped: " + std::to_string(params_.ping_queue) +
-         " pings wait for odometry at or after their stamps";
+  throw InputRefused("ping of stamp " + std::to_string(oldest_s) +
+                     " s dropped: " + std::to_string(params_.ping_queue) +
+                     " pings wait for odometry at or after their stamps");
 }
 
 void ParticleFilter::takeInWaiting() {
   const double now_s = recent_.back()->odometry.stamp_s;
   while (!waiting_.empty() && waiting_.begin()->first <= now_s) {
-    takeIn(waiting_.begin()->second);  // what is wrong with it is in the counters
+    try {
+      takeIn(waiting_.begin()->second);
+    } catch (const InputRefused&) {
+      // it has been counted, and this caller has not brought it
+    }
     waiting_.erase(waiting_.begin());
   }
 }
 
-Instant ParticleFilter::instantAt(double stamp_s) const {
+StampedParticles ParticleFilter::particlesAt(double stamp_s) const {
   const auto after = std::lower_bound(
       recent_.begin(), recent_.end(), stamp_s,
-      [](const InstantPtr& instant, double stamp) { return instant->odometry.stamp_s < stamp; });
-  const Instant& b = **after;
+      [](const auto& particles, double stamp) { return particles->odometry.stamp_s < stamp; });
+  const StampedParticles& b = **after;
   if (b.odometry.stamp_s == stamp_s) return b;
-  const Instant& a = **std::prev(after);
+  const StampedParticles& a = **std::prev(after);
   const double share = (stamp_s - a.odometry.stamp_s) / (b.odometry.stamp_s - a.odometry.stamp_s);
-  Instant between = a;
+  StampedParticles between = a;
   between.odometry.stamp_s = stamp_s;
   between.odometry.attitude = interpolate(a.odometry.attitude, b.odometry.attitude, share);
   between.dead_reckoning = interpolate(a.dead_reckoning, b.dead_reckoning, share);
@@ -149,30 +153,29 @@ Instant ParticleFilter::instantAt(double stamp_s) const {
   return between;
 }
 
-std::string ParticleFilter::takeIn(const Ping& ping) {
+void ParticleFilter::takeIn(const Ping& ping) {
   if (ping.stamp_s < recent_.front()->odometry.stamp_s) {
     ++counters_.pings_dropped;
-    return "ping of stamp " + std::to_string(ping.stamp_s) +
-           " s dropped: the odometry kept begins at " +
-           std::to_string(recent_.front()->odometry.stamp_s) + " s";
+    throw InputRefused("ping of stamp " + std::to_string(ping.stamp_s) +
+                       " s dropped: the odometry kept begins at " +
+                       std::to_string(recent_.front()->odometry.stamp_s) + " s");
   }
-  const Instant instant = instantAt(ping.stamp_s);
-  const Attitude& attitude = instant.odometry.attitude;
+  const StampedParticles particles = particlesAt(ping.stamp_s);
+  const Attitude& attitude = particles.odometry.attitude;
   const Beams beams = goodBeams(ping, attitude, params_.pings);
   counters_.beams_rejected += static_cast<std::uint64_t>(ping.beams_m.cols() - beams.cols());
   if (beams.cols() == 0) {
     ++counters_.pings_rejected;
-    return "ping of stamp " + std::to_string(ping.stamp_s) + " s: none of its " +
-           std::to_string(ping.beams_m.cols()) + " beams is finite and within range";
+    throw InputRefused("ping of stamp " + std::to_string(ping.stamp_s) + " s: none of its " +
+                       std::to_string(ping.beams_m.cols()) + " beams is finite and within range");
   }
-  const bool held_out = isHeldOut(books_.records.size());
-  MbesLog& log = held_out ? books_.held_out : books_.log;
-  const PoseSlot slot = histories_.append(instant.poses);
-  books_.records.push_back({ping.stamp_s, attitude, instant.dead_reckoning, slot, log.size(),
-                            static_cast<std::uint32_t>(beams.cols()), held_out});
-  log.append(slot, beams);
+  const bool held_out = isHeldOut(log_.pings.size());
+  MbesLog& beam_log = held_out ? log_.held_out : log_.training;
+  const PoseSlot slot = histories_.append(particles.poses);
+  log_.pings.push_back({ping.stamp_s, attitude, particles.dead_reckoning, slot, beam_log.size(),
+                        static_cast<std::uint32_t>(beams.cols()), held_out});
+  beam_log.append(slot, beams);
   releaseHeldBack();
-  return "";
 }
 
 bool ParticleFilter::isHeldOut(std::size_t ping) const {
@@ -185,15 +188,15 @@ bool ParticleFilter::isHeldOut(std::size_t ping) const {
 void ParticleFilter::releaseHeldBack() {
   if (recent_.empty()) return;
   const double youngest_s = recent_.back()->odometry.stamp_s - params_.hold_back_s;
-  while (released_pings_ < books_.records.size() &&
-         (finished_ || books_.records[released_pings_].stamp_s <= youngest_s)) {
-    const PingRecord& record = books_.records[released_pings_++];
+  while (released_pings_ < log_.pings.size() &&
+         (finished_ || log_.pings[released_pings_].stamp_s <= youngest_s)) {
+    const PingRecord& record = log_.pings[released_pings_++];
     if (!record.held_out) released_beams_ = record.first_beam + record.beams;
   }
 }
 
 void ParticleFilter::finish() {
-  const Writing writing(this);
+  const WriterLock lock(this);
   finished_ = true;
   counters_.pings_dropped += waiting_.size();
   waiting_.clear();
@@ -210,58 +213,58 @@ void ParticleFilter::setLogWeights(const Eigen::ArrayXd& log_weights) {
                                 (log_weights.allFinite() ? "" : ", some not finite"));
   }
   auto weights = std::make_shared<const Eigen::ArrayXd>(log_weights);
-  const std::lock_guard lock(shown_mutex_);
-  shown_.log_weights_ = std::move(weights);
+  const std::lock_guard lock(published_mutex_);
+  published_.log_weights_ = std::move(weights);
 }
 
 void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
-  const std::lock_guard one_at_a_time(resampling_);
-  const auto heirOf = [&](const Instant& instant) {
-    Instant heir = instant;
-    for (std::size_t j = 0; j < ancestors.size(); ++j) heir.poses[j] = instant.poses[ancestors[j]];
-    return std::make_shared<const Instant>(std::move(heir));
+  const std::lock_guard one_at_a_time(resampling_mutex_);
+  const auto resampled = [&](const StampedParticles& before) {
+    StampedParticles after = before;
+    for (std::size_t j = 0; j < ancestors.size(); ++j) after.poses[j] = before.poses[ancestors[j]];
+    return std::make_shared<const StampedParticles>(std::move(after));
   };
-  // Nearly all of the work is done aside, on what there is now, while pings are taken in ...
-  TrajectoryHistories::Stand stand;
-  std::deque<InstantPtr> recent;
+  // Nearly all of the work is done aside, on the state that is there now, while pings are taken in.
+  TrajectoryHistories::State state;
+  std::deque<StampedParticles::ConstPtr> recent;
   {
-    const std::lock_guard lock(writer_);
-    stand = histories_.now();
+    const std::lock_guard lock(writer_mutex_);
+    state = histories_.state();
     recent = recent_;
   }
-  auto heirs = TrajectoryHistories::heirs(ancestors, stand);  // checks them
-  std::unordered_map<InstantPtr, InstantPtr> heir_of;
-  for (const InstantPtr& instant : recent) heir_of[instant] = heirOf(*instant);
+  auto prepared = TrajectoryHistories::prepareResampling(ancestors, state);  // checks them
+  std::unordered_map<StampedParticles::ConstPtr, StampedParticles::ConstPtr> after;
+  for (const auto& before : recent) after[before] = resampled(*before);
   auto weights = uniformLogWeights(ancestors.size());
 
-  // ... and then exchanged, with what has come since.
-  Writing writing(this);
-  histories_.succeed(std::move(heirs));
-  for (InstantPtr& instant : recent_) {
-    const auto heir = heir_of.find(instant);
-    instant = heir != heir_of.end() ? heir->second : heirOf(*instant);
+  // What is left is the exchange of pointers, and what has come since.
+  WriterLock lock(this);
+  histories_.commitResampling(std::move(prepared));
+  for (StampedParticles::ConstPtr& particles : recent_) {
+    const auto found = after.find(particles);
+    particles = found != after.end() ? found->second : resampled(*particles);
   }
-  writing.new_log_weights = std::move(weights);
+  lock.new_log_weights = std::move(weights);
 }
 
-// ---- what others see -----------------------------------------------------------------------
+// ---- what readers see ----------------------------------------------------------------------
 
-void ParticleFilter::show(std::shared_ptr<const Eigen::ArrayXd> new_log_weights) {
-  const std::lock_guard lock(shown_mutex_);
-  if (new_log_weights) shown_.log_weights_ = std::move(new_log_weights);
-  shown_.pasts_ = histories_.pasts();
-  shown_.now_ = recent_.empty() ? nullptr : recent_.back();
-  shown_.pings_ = books_.records.size();
-  shown_.pings_waiting_ = waiting_.size();
-  shown_.beams_ = books_.log.size();
-  shown_.beams_released_ = released_beams_;
-  shown_.beams_held_out_ = books_.held_out.size();
-  shown_.counters_ = counters_;
+void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_log_weights) {
+  const std::lock_guard lock(published_mutex_);
+  if (new_log_weights) published_.log_weights_ = std::move(new_log_weights);
+  published_.trajectories_ = histories_.trajectories();
+  published_.particles_ = recent_.empty() ? nullptr : recent_.back();
+  published_.pings_ = log_.pings.size();
+  published_.pings_waiting_ = waiting_.size();
+  published_.beams_ = log_.training.size();
+  published_.beams_released_ = released_beams_;
+  published_.beams_held_out_ = log_.held_out.size();
+  published_.counters_ = counters_;
 }
 
 FilterSnapshot ParticleFilter::snapshot() const {
-  const std::lock_guard lock(shown_mutex_);
-  return shown_;
+  const std::lock_guard lock(published_mutex_);
+  return published_;
 }
 
 }  // namespace rbpf_core

@@ -72,8 +72,8 @@ Beams select(const Beams& beams, const std::vector<Eigen::Index>& kept) {
   return selected;
 }
 
-// Two witnesses must agree on an outlier: the running median is not misled by a cliff or by spikes
-// side by side, the median over pairs by no slope.
+// An outlier is far from both medians: the running median stays right at a cliff and among spikes
+// side by side, the median over pairs on any slope.
 Beams withoutOutliers(const Beams& beams, const PingFilterParams& params) {
   if (params.outlier_window < 3 || beams.cols() < params.outlier_window) return beams;
   const std::vector<bool> far_from_running_median = farFromMedian(beams, depthsAround, params);

@@ -5,12 +5,15 @@
 
 namespace rbpf_core {
 
+// Defaults are those of config/default.yaml.
 struct PingFilterParams {
+  // Beams outside of this range from the sensor are refused.
   double min_range_m = 0.5;
   double max_range_m = 500.0;
-  int outlier_window =
-      9;  // beams that one is measured from, itself included; odd; below 3: no filter
-  double outlier_threshold = 8.0;  // robust standard deviations
+  // Beams that an outlier is measured from, itself included; odd; below 3: no filter.
+  int outlier_window = 9;
+  // In robust standard deviations.
+  double outlier_threshold = 8.0;
 };
 
 // The ping's beams in the levelled body frame: x, y relative to base_link, z in map; NaN stays NaN.

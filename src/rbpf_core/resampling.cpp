@@ -20,6 +20,10 @@ Eigen::ArrayXd normalisedWeights(const Eigen::ArrayXd& log_weights) {
 
 double effectiveParticles(const Eigen::ArrayXd& weights) { return 1.0 / weights.square().sum(); }
 
+bool OnEffectiveSizeDrop::operator()(const Eigen::ArrayXd& weights) const {
+  return effectiveParticles(weights) < share * static_cast<double>(weights.size());
+}
+
 std::vector<std::uint32_t> systematicOffspring(const Eigen::ArrayXd& weights, double u) {
   const auto particles = static_cast<double>(weights.size());
   // summed in the same order as below, so that the last weight brings `cumulated` to `total`
@@ -28,14 +32,16 @@ std::vector<std::uint32_t> systematicOffspring(const Eigen::ArrayXd& weights, do
   const double below_particles = std::nextafter(particles, 0.0);
   std::vector<std::uint32_t> offspring;
   double cumulated = 0.0;
-  double tooth = u;  // of a comb with the teeth u, 1 + u, .., J - 1 + u
+  // J evenly spaced points, u, 1 + u, .., J - 1 + u: a particle has as many offspring as lie in its
+  // share of [0, J)
+  double point = u;
   double drawn = 0.0;
   for (const double weight : weights) {
     cumulated += weight;
     offspring.push_back(0);
-    while (drawn < particles && std::min(tooth, below_particles) < cumulated / total * particles) {
+    while (drawn < particles && std::min(point, below_particles) < cumulated / total * particles) {
       ++offspring.back();
-      tooth = ++drawn + u;
+      point = ++drawn + u;
     }
   }
   return offspring;

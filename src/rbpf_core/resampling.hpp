@@ -1,8 +1,10 @@
-// Weights, effective number of particles, systematic resampling, numbering of the offspring.
+// Weights, effective number of particles, when to resample, systematic resampling, numbering of the
+// offspring.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 namespace rbpf_core {
@@ -13,6 +15,17 @@ Eigen::ArrayXd normalisedWeights(const Eigen::ArrayXd& log_weights);
 
 // 1 / sum w^2, between 1 and J.
 double effectiveParticles(const Eigen::ArrayXd& weights);
+
+// When to resample: asked after every prompt, with the normalised weights [J].
+using ResamplingPolicy = std::function<bool(const Eigen::ArrayXd& weights)>;
+
+// When N_eff has fallen below this share of J. (The paper's text says "greater", which contradicts
+// its reference and its own implementation.)
+struct OnEffectiveSizeDrop {
+  double share = 0.5;
+
+  bool operator()(const Eigen::ArrayXd& weights) const;
+};
 
 // Offspring of each particle by systematic resampling with the one draw u in [0, 1): particle j
 // gets floor(J w_j) or ceil(J w_j); the counts always sum to J.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -10,7 +11,8 @@ namespace rbpf_core {
 
 namespace {
 
-constexpr std::size_t kFirstCapacity = 64;  // segments a particle
+// Segments that each particle has room for at first.
+constexpr std::size_t kFirstCapacity = 64;
 constexpr std::size_t kMostSegments = std::numeric_limits<PoseSlot>::max() / Segment::kPoses;
 
 void expectOneForEach(const char* what, std::size_t count, std::size_t particles) {
@@ -23,7 +25,7 @@ void expectOneForEach(const char* what, std::size_t count, std::size_t particles
 }  // namespace
 
 TrajectoryHistories::TrajectoryHistories(std::size_t particles)
-    : pasts_(new Pasts(particles, kFirstCapacity)) {}
+    : trajectories_(new Trajectories(particles, kFirstCapacity)) {}
 
 PoseSlot TrajectoryHistories::append(const std::vector<Pose2>& poses) {
   expectOneForEach("poses of a ping", poses.size(), particles());
@@ -31,7 +33,7 @@ PoseSlot TrajectoryHistories::append(const std::vector<Pose2>& poses) {
   const std::size_t segment = lengths_.size() - 1;
   const std::uint32_t place = lengths_.back()++;
   for (std::size_t j = 0; j < poses.size(); ++j) {
-    pasts_->segment(j, segment)->poses[place] = HistoryPose::of(poses[j]);
+    trajectories_->segment(j, segment)->poses[place] = HistoryPose::of(poses[j]);
   }
   return static_cast<PoseSlot>(segment * Segment::kPoses + place);
 }
@@ -39,22 +41,22 @@ PoseSlot TrajectoryHistories::append(const std::vector<Pose2>& poses) {
 void TrajectoryHistories::openSegment() {
   const std::size_t segment = lengths_.size();
   if (segment == kMostSegments) throw std::length_error("more trajectory segments than slots");
-  if (segment == pasts_->capacity_) {
-    // nobody resampled: everyone is one's own heir, with more room
+  if (segment == trajectories_->capacity_) {
+    // a resampling in which everybody is their own ancestor makes more room
     std::vector<std::uint32_t> ancestors(particles());
-    for (std::uint32_t j = 0; j < ancestors.size(); ++j) ancestors[j] = j;
-    pasts_ = heirs(ancestors, now()).pasts;
+    std::iota(ancestors.begin(), ancestors.end(), 0U);
+    trajectories_ = prepareResampling(ancestors, state()).trajectories;
   }
   for (std::size_t j = 0; j < particles(); ++j) {
-    pasts_->segment(j, segment) = std::make_shared<Segment>();
+    trajectories_->segment(j, segment) = std::make_shared<Segment>();
   }
   lengths_.push_back(0);
   closed_ = false;
 }
 
-TrajectoryHistories::Heirs TrajectoryHistories::heirs(const std::vector<std::uint32_t>& ancestors,
-                                                      const Stand& stand) {
-  const Pasts& before = *stand.pasts;
+TrajectoryHistories::PreparedResampling TrajectoryHistories::prepareResampling(
+    const std::vector<std::uint32_t>& ancestors, const State& state) {
+  const Trajectories& before = *state.trajectories;
   expectOneForEach("ancestors", ancestors.size(), before.particles());
   for (const std::uint32_t ancestor : ancestors) {
     if (ancestor < before.particles()) continue;
@@ -62,28 +64,29 @@ TrajectoryHistories::Heirs TrajectoryHistories::heirs(const std::vector<std::uin
                                 std::to_string(before.particles()));
   }
   // half as much room again as is used
-  const std::size_t capacity = stand.segments + stand.segments / 2 + kFirstCapacity;
-  std::shared_ptr<Pasts> after(new Pasts(before.particles(), capacity));
+  const std::size_t capacity = state.segments + state.segments / 2 + kFirstCapacity;
+  std::shared_ptr<Trajectories> after(new Trajectories(before.particles(), capacity));
   for (std::size_t j = 0; j < ancestors.size(); ++j) {
-    const auto past =
+    const auto ancestors_first =
         before.segments_.begin() + static_cast<std::ptrdiff_t>(ancestors[j] * before.capacity_);
-    std::copy_n(past, stand.segments, &after->segment(j, 0));
+    std::copy_n(ancestors_first, state.segments, &after->segment(j, 0));
   }
-  return {ancestors, std::move(after), stand.segments};
+  return {ancestors, std::move(after), state.segments};
 }
 
-void TrajectoryHistories::succeed(Heirs heirs) {
-  // unless the heirs have been made over many segments, there is room for those begun since
-  if (lengths_.size() >= heirs.pasts->capacity_) {
-    heirs = TrajectoryHistories::heirs(heirs.ancestors, now());
+void TrajectoryHistories::commitResampling(PreparedResampling prepared) {
+  // there is room for the segments begun since, unless preparing has taken very long
+  if (lengths_.size() >= prepared.trajectories->capacity_) {
+    prepared = prepareResampling(prepared.ancestors, state());
   }
-  for (; heirs.segments < lengths_.size(); ++heirs.segments) {
+  for (; prepared.segments < lengths_.size(); ++prepared.segments) {
     for (std::size_t j = 0; j < particles(); ++j) {
-      heirs.pasts->segment(j, heirs.segments) = pasts_->segment(heirs.ancestors[j], heirs.segments);
+      prepared.trajectories->segment(j, prepared.segments) =
+          trajectories_->segment(prepared.ancestors[j], prepared.segments);
     }
   }
-  pasts_ = std::move(heirs.pasts);
-  closed_ = true;  // several heirs may share the last segment: each goes on in one of its own
+  trajectories_ = std::move(prepared.trajectories);
+  closed_ = true;  // particles of one ancestor share the last segment: each goes on in a new one
 }
 
 std::size_t TrajectoryHistories::storedPoses() const {
@@ -91,7 +94,8 @@ std::size_t TrajectoryHistories::storedPoses() const {
   std::size_t poses = 0;
   for (std::size_t j = 0; j < particles(); ++j) {
     for (std::size_t segment = 0; segment < lengths_.size(); ++segment) {
-      if (distinct.insert(pasts_->segment(j, segment).get()).second) poses += lengths_[segment];
+      if (distinct.insert(trajectories_->segment(j, segment).get()).second)
+        poses += lengths_[segment];
     }
   }
   return poses;

@@ -1,4 +1,4 @@
-// h_t: the particles' pasts, as vectors of pointers to shared segments (the paper's Fig. 2).
+// h_t: the particles' trajectories, as vectors of pointers to shared segments (the paper's Fig. 2).
 #pragma once
 
 #include <array>
@@ -23,21 +23,25 @@ struct HistoryPose {
   Pose2 pose() const { return {x_m, y_m, std::atan2(sin_yaw, cos_yaw)}; }
 };
 
-// Where a ping's pose stands in every particle's past: segment and place within it, in one number.
-// Slots rise from ping to ping, with gaps where a resampling has closed a segment early.
+// Where a ping's pose is in every particle's trajectory: the segment's number and the place within
+// it, in one integer. Slots rise from ping to ping, with gaps where a resampling has closed a
+// segment before it was full.
 using PoseSlot = std::uint32_t;
 
-// A stretch of one particle's trajectory that its descendants share. Written once, from its front.
+// A stretch of one particle's trajectory, shared by all of its descendants. Poses are written once,
+// from the front.
 struct Segment {
-  static constexpr std::size_t kPoses = 64;  // 1.5 kB: short enough to be closed half full
+  // 1.5 kB: short enough to be closed half full
+  static constexpr std::size_t kPoses = 64;
 
   std::array<HistoryPose, kPoses> poses;
 };
 
-// The pasts of all particles, between two resamplings: a pose is found in the same two steps,
-// whatever their number. Poses below a slot that has been told of may be read by any thread while
-// further ones are appended.
-class Pasts {
+// The trajectories of all particles from the first ping on, as they are between two resamplings. A
+// pose is found in two look-ups, however many resamplings there have been. One writer appends poses
+// through TrajectoryHistories; meanwhile any thread may read the poses of every slot that the
+// writer has already published.
+class Trajectories {
  public:
   const HistoryPose& at(std::size_t particle, PoseSlot slot) const {
     const std::size_t segment = particle * capacity_ + slot / Segment::kPoses;
@@ -49,19 +53,20 @@ class Pasts {
  private:
   friend class TrajectoryHistories;
 
-  Pasts(std::size_t particles, std::size_t capacity)
+  Trajectories(std::size_t particles, std::size_t capacity)
       : particles_(particles), capacity_(capacity), segments_(particles * capacity) {}
   std::shared_ptr<Segment>& segment(std::size_t particle, std::size_t number) {
     return segments_[particle * capacity_ + number];
   }
 
   const std::size_t particles_;
-  const std::size_t capacity_;                      // segments that each particle can have
+  // Segments that each particle has room for.
+  const std::size_t capacity_;
   std::vector<std::shared_ptr<Segment>> segments_;  // [J, capacity]
 };
 
-// One pose per particle and ping. A resampling copies pointers, never poses; segments that no
-// particle points to are freed.
+// Grows the trajectories by one pose per particle and ping, and resamples them. A resampling copies
+// pointers, never poses; segments that no particle points to are freed.
 class TrajectoryHistories {
  public:
   explicit TrajectoryHistories(std::size_t particles);
@@ -69,30 +74,35 @@ class TrajectoryHistories {
   // The poses of all particles at the next ping, [J].
   PoseSlot append(const std::vector<Pose2>& poses);
 
-  // Particle j goes on from the past of ancestors[j]. Throws std::invalid_argument unless there
-  // are J ancestors, each below J.
-  void resample(const std::vector<std::uint32_t>& ancestors) { succeed(heirs(ancestors, now())); }
+  // Particle j goes on from the trajectory of ancestors[j]. Throws std::invalid_argument unless
+  // there are J ancestors, each below J.
+  void resample(const std::vector<std::uint32_t>& ancestors) {
+    commitResampling(prepareResampling(ancestors, state()));
+  }
 
-  // The same in two steps. The first, and longer, may be taken while poses are appended to the
-  // histories that it started from; the second brings in the segments begun since.
-  struct Stand {
-    std::shared_ptr<const Pasts> pasts;
+  // The same in two steps, for a writer that must not be kept waiting: prepareResampling does most
+  // of the work and touches nothing but the state that it is given, so that poses may be appended
+  // in the meantime; commitResampling is short and brings in the segments begun since.
+  struct State {
+    std::shared_ptr<const Trajectories> trajectories;
     std::size_t segments;
   };
-  struct Heirs {
+  struct PreparedResampling {
     std::vector<std::uint32_t> ancestors;
-    std::shared_ptr<Pasts> pasts;
-    std::size_t segments;  // inherited so far
+    std::shared_ptr<Trajectories> trajectories;
+    // Of each particle, copied from its ancestor so far.
+    std::size_t segments;
   };
-  Stand now() const { return {pasts_, lengths_.size()}; }
-  static Heirs heirs(const std::vector<std::uint32_t>& ancestors, const Stand& stand);
-  void succeed(Heirs heirs);
+  State state() const { return {trajectories_, lengths_.size()}; }
+  static PreparedResampling prepareResampling(const std::vector<std::uint32_t>& ancestors,
+                                              const State& state);
+  void commitResampling(PreparedResampling prepared);
 
   const HistoryPose& at(std::size_t particle, PoseSlot slot) const {
-    return pasts_->at(particle, slot);
+    return trajectories_->at(particle, slot);
   }
-  std::shared_ptr<const Pasts> pasts() const { return pasts_; }
-  std::size_t particles() const { return pasts_->particles(); }
+  std::shared_ptr<const Trajectories> trajectories() const { return trajectories_; }
+  std::size_t particles() const { return trajectories_->particles(); }
 
   // Poses kept in memory now: shared ones count once.
   std::size_t storedPoses() const;
@@ -100,9 +110,11 @@ class TrajectoryHistories {
  private:
   void openSegment();
 
-  std::shared_ptr<Pasts> pasts_;
-  std::vector<std::uint32_t> lengths_;  // of the segments, common to all particles
-  bool closed_ = true;                  // nothing is appended to the last segment any more
+  std::shared_ptr<Trajectories> trajectories_;
+  // Poses in each segment, common to all particles.
+  std::vector<std::uint32_t> lengths_;
+  // Nothing is appended to the last segment any more.
+  bool closed_ = true;
 };
 
 }  // namespace rbpf_core

@@ -18,7 +18,8 @@ struct Pose2 {
 
 // Depth and attitude, known from the pressure sensor and the AHRS, the same for all particles.
 struct Attitude {
-  double z_m = 0.0;  // of base_link in map, negative under water
+  // Of base_link in map, negative under water.
+  double z_m = 0.0;
   double roll_rad = 0.0;
   double pitch_rad = 0.0;
 };
@@ -26,10 +27,13 @@ struct Attitude {
 // One odometry message: the vehicle's own pose and its body twist.
 struct Odometry {
   double stamp_s = 0.0;
-  Pose2 pose;         // in odom; only the first one is used, as the start
-  Attitude attitude;  // z, roll, pitch
-  Eigen::Vector3d linear_mps = Eigen::Vector3d::Zero();     // surge, sway, heave, in base_link
-  Eigen::Vector3d angular_radps = Eigen::Vector3d::Zero();  // p, q, r, in base_link
+  // In odom; only the first one is used, as the start.
+  Pose2 pose;
+  Attitude attitude;
+  // Surge, sway, heave, in base_link.
+  Eigen::Vector3d linear_mps = Eigen::Vector3d::Zero();
+  // p, q, r, in base_link.
+  Eigen::Vector3d angular_radps = Eigen::Vector3d::Zero();
 };
 
 using Beams = Eigen::Matrix3Xf;  // one column a beam
@@ -37,9 +41,29 @@ using Beams = Eigen::Matrix3Xf;  // one column a beam
 // One ping as it leaves the sensor's static mount.
 struct Ping {
   double stamp_s = 0.0;
-  Eigen::Vector3f sensor_m =
-      Eigen::Vector3f::Zero();  // the sensor's place in base_link; ranges count from here
-  Beams beams_m;                // [3, n] in base_link; may hold NaN
+  // The sensor's place in base_link; ranges count from here.
+  Eigen::Vector3f sensor_m = Eigen::Vector3f::Zero();
+  // [3, n] in base_link; may hold NaN.
+  Beams beams_m;
+};
+
+// A ping and where each particle saw it.
+struct PlacedPing {
+  double stamp_s = 0.0;
+  // Its number in the survey.
+  std::uint32_t index = 0;
+  // [3, n] x, y in the levelled body frame, z in map: a particle's pose does the rest.
+  Beams levelled_m;
+  // [J], in map.
+  std::vector<Pose2> poses;
+};
+
+// The maps' predictions of one ping, row j by particle j's map at its own beam positions, latent
+// (noise not included).
+struct PingPrediction {
+  Eigen::ArrayXXd mean_m;            // [J, n]
+  Eigen::ArrayXXd variance_m2;       // [J, n]
+  Eigen::ArrayXd prior_variance_m2;  // [J]
 };
 
 }  // namespace rbpf_core

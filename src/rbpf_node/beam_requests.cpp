@@ -62,7 +62,7 @@ std::string problemWith(const GetBeams::Request& request, std::size_t particles,
 
 void answer(const rbpf_core::ParticleFilter& filter, const GetMinibatches::Request& request,
             GetMinibatches::Response* response) {
-  response->message = problemWith(request, filter.particleCount());
+  response->message = problemWith(request, filter.params().particles);
   if (!response->message.empty()) return;
   const rbpf_core::FilterSnapshot snapshot = filter.snapshot();
   response->beams_in_log = snapshot.beamsReleased();
@@ -82,7 +82,7 @@ void answer(const rbpf_core::ParticleFilter& filter, const GetBeams::Request& re
   const rbpf_core::FilterSnapshot snapshot = filter.snapshot();
   const std::size_t beams_in_log = snapshot.beamsReleased();
   response->beams_in_log = beams_in_log;
-  response->message = problemWith(request, filter.particleCount(), beams_in_log);
+  response->message = problemWith(request, filter.params().particles, beams_in_log);
   if (response->message.empty() && beams_in_log == 0) response->message = kNoBeams;
   if (!response->message.empty()) return;
   for (const std::uint64_t first : request.first) {

@@ -33,7 +33,7 @@ int main(int argc, char** argv) {
     // a map node asks for minibatches and for blocks of beams; one more for who exports the survey
     spinning.start(2 * params.nodes + 1);
     while (ros::ok()) {
-      slam.loopClosureLoop().promptIfDue();
+      slam.closeLoops();
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     spinning.stop();

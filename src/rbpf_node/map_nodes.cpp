@@ -17,9 +17,54 @@ using rbpf_svgp_slam::MapStatus;
 using rbpf_svgp_slam::PredictBeams;
 using rbpf_svgp_slam::PrepareResampling;
 
+namespace {
+
+// x, y of a ping's beams as one particle sees them, relative to the survey origin, [n, 2].
+std::vector<float> positionsOf(const rbpf_core::Beams& levelled_m, const rbpf_core::Pose2& pose,
+                               const rbpf_core::Origin& origin) {
+  const rbpf_core::Beams placed =
+      placeBeams(levelled_m, {pose.x_m - origin.x_m, pose.y_m - origin.y_m, pose.yaw_rad});
+  std::vector<float> positions;
+  for (Eigen::Index i = 0; i < placed.cols(); ++i) {
+    positions.insert(positions.end(), {placed(0, i), placed(1, i)});
+  }
+  return positions;
+}
+
+// The rows of one node's particles. Throws std::invalid_argument that names the part of the answer
+// whose size is not what was asked for.
+void takeIn(const std::string& name, const PredictBeams::Request& request,
+            const PredictBeams::Response& response, rbpf_core::PingPrediction* prediction) {
+  const auto& particles = request.particles;
+  const std::size_t points = request.points;
+  const auto mean = toFloats(response.mean, particles.size() * points, name + " mean");
+  const auto variance = toFloats(response.variance, particles.size() * points, name + " variance");
+  const auto prior = toFloats(response.prior_variance, particles.size(), name + " prior_variance");
+  const auto n = static_cast<Eigen::Index>(points);
+  for (std::size_t p = 0; p < particles.size(); ++p) {
+    const Eigen::Index j = particles[p];
+    prediction->mean_m.row(j) =
+        Eigen::Map<const Eigen::RowVectorXf>(&mean[p * points], n).cast<double>();
+    prediction->variance_m2.row(j) =
+        Eigen::Map<const Eigen::RowVectorXf>(&variance[p * points], n).cast<double>();
+    prediction->prior_variance_m2(j) = prior[p];
+  }
+}
+
+// Throws if any call failed.
+template <typename Service>
+void expectSuccess(const std::vector<Answer<Service>>& answers) {
+  if (const std::string errors = errorsOf(answers); !errors.empty()) {
+    throw std::runtime_error(errors);
+  }
+}
+
+}  // namespace
+
 MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params)
     : node_(std::move(node)),
       nodes_(params.nodes),
+      origin_(params.filter.origin),
       predict_timeout_s_(params.loop_closure_timeout_s),
       resampling_timeout_s_(params.resampling_timeout_s),
       node_of_(rbpf_core::shareParticles(params.filter.particles, params.nodes)) {}
@@ -43,9 +88,16 @@ std::string MapNodes::service(std::size_t node, const std::string& name) const {
   return node_.resolveName("svgp_node_" + std::to_string(node) + "/" + name);
 }
 
-MapsState MapNodes::state(std::uint32_t epoch) const {
+std::vector<std::string> MapNodes::services(const std::string& name) const {
+  std::vector<std::string> names;
+  for (std::size_t k = 0; k < nodes_; ++k) names.push_back(service(k, name));
+  return names;
+}
+
+rbpf_core::MapsState MapNodes::state(std::uint32_t epoch) const {
   const std::lock_guard lock(mutex_);
-  MapsState state;
+  rbpf_core::MapsState state;
+  state.nodes = nodes_;
   for (const auto& [node, status] : latest_) {
     state.steps += status.steps;
     if (status.epoch != epoch) continue;
@@ -56,62 +108,42 @@ MapsState MapNodes::state(std::uint32_t epoch) const {
   return state;
 }
 
-rbpf_core::PingPrediction MapNodes::predict(
-    std::uint32_t epoch, const std::vector<std::vector<float>>& positions) const {
-  const std::size_t points = positions.front().size() / 2;
-  std::vector<std::string> names;
+rbpf_core::PingPrediction MapNodes::predict(std::uint32_t epoch,
+                                            const rbpf_core::PlacedPing& ping) {
+  const Eigen::Index n = ping.levelled_m.cols();
   std::vector<PredictBeams::Request> requests(nodes_);
-  for (std::size_t k = 0; k < nodes_; ++k) {
-    names.push_back(service(k, "predict"));
-    requests[k].epoch = epoch;
-    requests[k].points = static_cast<std::uint32_t>(points);
+  for (PredictBeams::Request& request : requests) {
+    request.epoch = epoch;
+    request.points = static_cast<std::uint32_t>(n);
   }
-  for (std::uint32_t j = 0; j < positions.size(); ++j) {
+  for (std::uint32_t j = 0; j < ping.poses.size(); ++j) {
     PredictBeams::Request& request = requests[node_of_[j]];
+    const std::vector<float> positions = positionsOf(ping.levelled_m, ping.poses[j], origin_);
     request.particles.push_back(j);
-    appendBytes(positions[j].data(), positions[j].size(), &request.positions);
+    appendBytes(positions.data(), positions.size(), &request.positions);
   }
+  const std::vector<std::string> names = services("predict");
   const auto answers = callAll<PredictBeams>(names, requests, predict_timeout_s_);
-  if (const std::string errors = errorsOf(answers); !errors.empty()) {
-    throw std::runtime_error(errors);
-  }
-  const auto J = static_cast<Eigen::Index>(positions.size());
-  const auto n = static_cast<Eigen::Index>(points);
+  expectSuccess(answers);
+  const auto J = static_cast<Eigen::Index>(ping.poses.size());
   rbpf_core::PingPrediction prediction{Eigen::ArrayXXd(J, n), Eigen::ArrayXXd(J, n),
                                        Eigen::ArrayXd(J)};
   for (std::size_t k = 0; k < nodes_; ++k) {
-    const auto& particles = requests[k].particles;
-    const auto& response = answers[k].response;
-    const auto mean = toFloats(response.mean, particles.size() * points, names[k] + " mean");
-    const auto variance =
-        toFloats(response.variance, particles.size() * points, names[k] + " variance");
-    const auto prior =
-        toFloats(response.prior_variance, particles.size(), names[k] + " prior_variance");
-    for (std::size_t p = 0; p < particles.size(); ++p) {
-      const Eigen::Index j = particles[p];
-      prediction.mean_m.row(j) =
-          Eigen::Map<const Eigen::RowVectorXf>(&mean[p * points], n).cast<double>();
-      prediction.variance_m2.row(j) =
-          Eigen::Map<const Eigen::RowVectorXf>(&variance[p * points], n).cast<double>();
-      prediction.prior_variance_m2(j) = prior[p];
-    }
+    takeIn(names[k], requests[k], answers[k].response, &prediction);
   }
   return prediction;
 }
 
-MovedMaps MapNodes::prepare(std::uint32_t epoch,
-                            const std::vector<std::uint32_t>& ancestors) const {
-  std::vector<std::string> names;
+rbpf_core::MovedMaps MapNodes::prepare(std::uint32_t epoch,
+                                       const std::vector<std::uint32_t>& ancestors) {
   PrepareResampling::Request request;
   request.epoch = epoch;
   request.ancestors = ancestors;
-  for (std::size_t k = 0; k < nodes_; ++k) names.push_back(service(k, "prepare_resampling"));
   const auto answers = callAll<PrepareResampling>(
-      names, std::vector<PrepareResampling::Request>(nodes_, request), resampling_timeout_s_);
-  if (const std::string errors = errorsOf(answers); !errors.empty()) {
-    throw std::runtime_error(errors);
-  }
-  MovedMaps moved;
+      services("prepare_resampling"), std::vector<PrepareResampling::Request>(nodes_, request),
+      resampling_timeout_s_);
+  expectSuccess(answers);
+  rbpf_core::MovedMaps moved;
   for (const auto& answer : answers) {
     moved.maps += answer.response.maps_fetched;
     moved.bytes += answer.response.bytes_fetched;
@@ -119,14 +151,13 @@ MovedMaps MapNodes::prepare(std::uint32_t epoch,
   return moved;
 }
 
-std::string MapNodes::commit(std::uint32_t epoch, bool commit) const {
-  std::vector<std::string> names;
+void MapNodes::endResampling(std::uint32_t epoch, bool commit) const {
   CommitResampling::Request request;
   request.epoch = epoch;
   request.commit = commit;
-  for (std::size_t k = 0; k < nodes_; ++k) names.push_back(service(k, "commit_resampling"));
-  return errorsOf(callAll<CommitResampling>(
-      names, std::vector<CommitResampling::Request>(nodes_, request), resampling_timeout_s_));
+  expectSuccess(callAll<CommitResampling>(services("commit_resampling"),
+                                          std::vector<CommitResampling::Request>(nodes_, request),
+                                          resampling_timeout_s_));
 }
 
 }  // namespace rbpf_node

@@ -11,12 +11,18 @@ namespace rbpf_node {
 namespace {
 
 constexpr double kWarningPeriod_s = 5.0;
+constexpr double kPromptErrorPeriod_s = 10.0;
 constexpr double kInputStale_s = 5.0;
 
 double peakResidentMb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) * 1024.0 / 1e6;  // Linux counts in KiB
+}
+
+rbpf_core::LoopClosingParams loopClosingParams(const Parameters& params) {
+  return {params.loop_closure_rate_hz, params.loop_closure,
+          rbpf_core::OnEffectiveSizeDrop{params.resampling_threshold}};
 }
 
 }  // namespace
@@ -27,8 +33,8 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
       input_(input),
       filter_(params.filter),
       maps_(node, params),
-      loop_(filter_, maps_, params),
-      services_(private_node, filter_, loop_),
+      loop_closing_(filter_, maps_, loopClosingParams(params)),
+      services_(private_node, filter_, loop_closing_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()) {
   finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
@@ -103,8 +109,9 @@ void SlamNode::handOnPings() {
     try {
       const Eigen::Isometry3d T_base_sensor = tf2::transformToEigen(
           transforms_.lookupTransform(params_.frames.base, frame, ros::Time(0)));
-      const std::string problem = filter_.addPing(toPing(message, T_base_sensor));
-      if (!problem.empty()) ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", problem.c_str());
+      filter_.addPing(toPing(message, T_base_sensor));
+    } catch (const rbpf_core::InputRefused& refused) {  // the filter has counted it
+      ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", refused.what());
     } catch (const std::exception& error) {
       ++pings_malformed_;
       ROS_ERROR_THROTTLE(kWarningPeriod_s, "Ping of stamp %.3f s refused: %s",
@@ -126,9 +133,26 @@ void SlamNode::notePingAges() {
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   finish();
   response.success = true;
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
   response.message =
-      std::to_string(filter_.pings()) + " pings, " + std::to_string(filter_.beams()) + " beams";
+      std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams";
   return true;
+}
+
+// ---- loop closing --------------------------------------------------------------------------
+
+void SlamNode::closeLoops() {
+  using rbpf_core::StepOutcome;
+  const auto [outcome, problem] = loop_closing_.step();
+  if (problem.empty()) return;
+  if (outcome == StepOutcome::kFailed) {
+    ROS_ERROR_THROTTLE(kPromptErrorPeriod_s, "Loop-closure prompt failed: %s", problem.c_str());
+  } else if (outcome == StepOutcome::kRolledBack) {
+    ROS_ERROR("%s", problem.c_str());
+  } else {
+    ROS_WARN("Resampling %u is committed, but not everybody was told: %s. They will ask.",
+             loop_closing_.epoch(), problem.c_str());
+  }
 }
 
 // ---- output --------------------------------------------------------------------------------
@@ -136,9 +160,9 @@ bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
 rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   rbpf_svgp_slam::FilterStatus status;
   const rbpf_core::FilterSnapshot filter = filter_.snapshot();
-  const rbpf_core::Counters& counters = filter.counters();
-  const LoopClosureStatistics closures = loop_.statistics();
-  const MapsState maps = maps_.state(loop_.epoch());
+  const rbpf_core::Counters counters = filter.counters();
+  const rbpf_core::LoopClosingStatistics closures = loop_closing_.statistics();
+  const rbpf_core::MapsState maps = maps_.state(loop_closing_.epoch());
   const Eigen::ArrayXd weights = filter.logWeights().exp();
   Eigen::Index best = 0;
   weights.maxCoeff(&best);
@@ -159,7 +183,7 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   status.beams = filter.beams();
   status.beams_held_out = filter.beamsHeldOut();
   status.beams_rejected = counters.beams_rejected;
-  status.epoch = loop_.epoch();
+  status.epoch = loop_closing_.epoch();
   status.prompts = closures.prompts;
   status.prompts_vetoed = closures.prompts_vetoed;
   status.prompts_skipped = closures.prompts_skipped;
@@ -227,7 +251,7 @@ void SlamNode::diagnoseFilter(diagnostic_updater::DiagnosticStatusWrapper& repor
 
 void SlamNode::diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const {
   using diagnostic_msgs::DiagnosticStatus;
-  const MapsState maps = maps_.state(loop_.epoch());
+  const rbpf_core::MapsState maps = maps_.state(loop_closing_.epoch());
   if (maps.nodes_heard < params_.nodes) {
     report.summaryf(DiagnosticStatus::ERROR, "%zu of %zu map nodes have reported", maps.nodes_heard,
                     params_.nodes);

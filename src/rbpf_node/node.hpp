@@ -13,7 +13,8 @@
 #include <deque>
 #include <mutex>
 
-#include "rbpf_node/loop_closure_loop.hpp"
+#include "rbpf_core/loop_closing.hpp"
+#include "rbpf_node/map_nodes.hpp"
 #include "rbpf_node/ping_ages.hpp"
 #include "rbpf_node/publishers.hpp"
 #include "rbpf_node/services.hpp"
@@ -33,11 +34,15 @@ class SlamNode {
   void handleOdometry(const nav_msgs::Odometry::ConstPtr& message);
   void handlePing(const sensor_msgs::PointCloud2::ConstPtr& message);
 
+  // A step of Algorithm 2, if one is due; waits for the map nodes, and logs what goes wrong. To be
+  // called from one thread, as often as you like.
+  void closeLoops();
+
   void finish() { filter_.finish(); }  // the survey is over
 
   tf2_ros::Buffer& transforms() { return transforms_; }
   MapNodes& maps() { return maps_; }
-  LoopClosureLoop& loopClosureLoop() { return loop_; }
+  const rbpf_core::LoopClosing& loopClosing() const { return loop_closing_; }
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
@@ -55,7 +60,7 @@ class SlamNode {
   const Input input_;
   rbpf_core::ParticleFilter filter_;
   MapNodes maps_;
-  LoopClosureLoop loop_;
+  rbpf_core::LoopClosing loop_closing_;
   Services services_;
   Publishers publishers_;
   tf2_ros::Buffer transforms_;

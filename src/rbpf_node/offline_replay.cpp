@@ -47,7 +47,7 @@ double OfflineReplay::run(const std::string& bag_path, const OfflineTopics& topi
     const double survey_s = (message.stamp - begin).toSec();
     handOn(message);
     trainUpTo(survey_s);
-    slam_.loopClosureLoop().promptIfDue();
+    slam_.closeLoops();
     progress_.update(survey_s, [this] { return counts(); });
   }
   slam_.finish();
@@ -92,7 +92,7 @@ void OfflineReplay::trainFinally(double duration_s) {
 
 void OfflineReplay::trainUpTo(double survey_s) {
   if (!mapping()) return;
-  if (slam_.filter().beamsReleased() == 0) {
+  if (slam_.filter().snapshot().beamsReleased() == 0) {
     first_beams_s_ = survey_s;
     return;
   }
@@ -102,7 +102,7 @@ void OfflineReplay::trainUpTo(double survey_s) {
       std::floor(steps_due / static_cast<double>(params_.filter.particles)));
   // Before a prompt there is a turn even if no round is due: maps take in what has come, and nodes
   // say what has become of them in the last resampling.
-  if (rounds_due == rounds_ && !slam_.loopClosureLoop().promptIsDue()) return;
+  if (rounds_due == rounds_ && !slam_.loopClosing().isDue()) return;
   turns_.grant(static_cast<std::uint32_t>(rounds_due - rounds_));
   rounds_ = rounds_due;
   awaitNodes(survey_s);
@@ -119,11 +119,11 @@ void OfflineReplay::awaitNodes(double survey_s) {
 }
 
 std::string OfflineReplay::counts() const {
-  const LoopClosureLoop& loop = slam_.loopClosureLoop();
-  return std::to_string(slam_.filter().pings()) + " pings, " +
-         std::to_string(slam_.filter().beams()) + " beams, " +
-         std::to_string(loop.statistics().prompts) + " loop-closure prompts, " +
-         std::to_string(loop.epoch()) + " resamplings";
+  const rbpf_core::FilterSnapshot filter = slam_.filter().snapshot();
+  const rbpf_core::LoopClosing& loop_closing = slam_.loopClosing();
+  return std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams, " +
+         std::to_string(loop_closing.statistics().prompts) + " loop-closure prompts, " +
+         std::to_string(loop_closing.epoch()) + " resamplings";
 }
 
 bool OfflineReplay::take(rbpf_svgp_slam::TakeTurn::Request& request,

@@ -22,7 +22,8 @@ class OfflineReplay {
   OfflineReplay(ros::NodeHandle private_node, const Parameters& params, SlamNode* slam);
   ~OfflineReplay() { close(); }
 
-  // Sends the map nodes home. To be called before their callback queue is stopped.
+  // Tells the map nodes that wait for a turn that there is none. To be called before their callback
+  // queue is stopped.
   void close() { turns_.close(); }
 
   // Hands the bag's messages, in the order of their stamps, to the node's handlers. In between it

@@ -65,8 +65,8 @@ rbpf_core::FilterParams filter(ParameterReader& reader) {
   return params;
 }
 
-rbpf_core::LoopClosureParams loopClosure(ParameterReader& reader) {
-  rbpf_core::LoopClosureParams params;
+rbpf_core::WeightingParams loopClosure(ParameterReader& reader) {
+  rbpf_core::WeightingParams params;
   params.rule = reader.choice("lc/weights", {"product", "robust"}) == "product"
                     ? rbpf_core::WeightRule::kProduct
                     : rbpf_core::WeightRule::kRobust;

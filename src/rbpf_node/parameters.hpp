@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "rbpf_core/loop_closure.hpp"
 #include "rbpf_core/particle_filter.hpp"
+#include "rbpf_core/weighting.hpp"
 
 namespace rbpf_node {
 
@@ -21,7 +21,7 @@ struct Parameters {
   Frames frames;
   double odometry_gap_s = 2.0;
   rbpf_core::FilterParams filter;
-  rbpf_core::LoopClosureParams loop_closure;
+  rbpf_core::WeightingParams loop_closure;
   double loop_closure_rate_hz = 0.2;
   double loop_closure_timeout_s = 10.0;
   double resampling_threshold = 0.5;

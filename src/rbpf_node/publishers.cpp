@@ -47,7 +47,7 @@ std_msgs::Header Publishers::mapHeader(const ros::Time& stamp) const {
 }
 
 void Publishers::publishPose(const ros::Time& stamp) {
-  const rbpf_core::Estimate estimate = filter_.estimate();
+  const rbpf_core::Estimate estimate = filter_.snapshot().estimate();
 
   // T_map_odom = T_map_base T_base_odom: with the odometry's own pose it makes the estimate
   const Eigen::Isometry3d T_map_odom = toIsometry(estimate.mean, estimate.attitude) *
@@ -92,17 +92,18 @@ void Publishers::publishOverview(const ros::Time& stamp) {
 }
 
 void Publishers::publishParticles(const std_msgs::Header& header) {
-  const rbpf_core::Attitude attitude = filter_.estimate().attitude;
+  const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
+  const rbpf_core::Attitude attitude = snapshot.estimate().attitude;
   geometry_msgs::PoseArray message;
   message.header = header;
-  for (const rbpf_core::Pose2& pose : filter_.particles()) {
+  for (const rbpf_core::Pose2& pose : snapshot.particles()) {
     message.poses.push_back(toPose(pose, attitude));
   }
   particles_.publish(message);
 }
 
 void Publishers::publishVehicle(const std_msgs::Header& header) {
-  const rbpf_core::Estimate estimate = filter_.estimate();
+  const rbpf_core::Estimate estimate = filter_.snapshot().estimate();
   visualization_msgs::Marker marker;
   marker.header = header;
   marker.ns = "vehicle";

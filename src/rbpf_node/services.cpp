@@ -17,8 +17,8 @@ void appendPose(const rbpf_core::Pose2& pose, const rbpf_core::Attitude& attitud
 }  // namespace
 
 Services::Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
-                   const LoopClosureLoop& loop)
-    : filter_(filter), loop_(loop) {
+                   const rbpf_core::LoopClosing& loop_closing)
+    : filter_(filter), loop_closing_(loop_closing) {
   using rbpf_svgp_slam::GetBeams;
   using rbpf_svgp_slam::GetMinibatches;
   minibatch_server_ = private_node.advertiseService(
@@ -31,11 +31,11 @@ Services::Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter
 
 template <typename Request, typename Response>
 bool Services::serveBeams(Request& request, Response& response) {
-  // The epoch is read before any beam is placed: beams that a resampling overtakes carry the epoch
-  // before it, and the map nodes drop them. `resampling` is read before the epoch: "not resampling"
-  // with the old epoch must mean that it was rolled back, never that it just ended well.
-  response.resampling = loop_.resampling();
-  response.epoch = loop_.epoch();
+  // Before any beam is placed: beams that a resampling overtakes carry the epoch before it, and the
+  // map nodes drop them.
+  const rbpf_core::LoopClosing::Progress progress = loop_closing_.progress();
+  response.epoch = progress.epoch;
+  response.resampling = progress.resampling;
   answer(filter_, request, &response);
   response.success = response.message.empty();
   return true;
@@ -43,8 +43,9 @@ bool Services::serveBeams(Request& request, Response& response) {
 
 bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
                         rbpf_svgp_slam::GetPings::Response& response) {
-  response.pings_total = filter_.pings();
-  for (const rbpf_core::SurveyPing& ping : filter_.survey(request.first, request.count)) {
+  const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
+  response.pings_total = snapshot.pings();
+  for (const rbpf_core::SurveyPing& ping : snapshot.survey(request.first, request.count)) {
     const rbpf_core::PingRecord& record = ping.record;
     appendBytes(&record.stamp_s, 1, &response.stamps);
     appendPose(ping.estimate, record.attitude, &response.estimate);

@@ -3,8 +3,7 @@
 
 #include <ros/node_handle.h>
 
-#include "rbpf_core/particle_filter.hpp"
-#include "rbpf_node/loop_closure_loop.hpp"
+#include "rbpf_core/loop_closing.hpp"
 #include "rbpf_svgp_slam/GetPings.h"
 
 namespace rbpf_node {
@@ -13,7 +12,7 @@ class Services {
  public:
   // Advertises ~get_minibatches, ~get_beams and ~get_pings.
   Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
-           const LoopClosureLoop& loop);
+           const rbpf_core::LoopClosing& loop_closing);
 
  private:
   // For ~get_minibatches and ~get_beams.
@@ -23,7 +22,7 @@ class Services {
                 rbpf_svgp_slam::GetPings::Response& response);
 
   const rbpf_core::ParticleFilter& filter_;
-  const LoopClosureLoop& loop_;
+  const rbpf_core::LoopClosing& loop_closing_;
   ros::ServiceServer minibatch_server_;
   ros::ServiceServer beam_server_;
   ros::ServiceServer ping_server_;

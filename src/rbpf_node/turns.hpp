@@ -42,7 +42,8 @@ class Turns {
   // What the nodes said when they finished their last turn.
   std::vector<rbpf_svgp_slam::MapStatus> states() const;
 
-  // Sends everybody home. To be called before the callback queue of the nodes' calls is stopped.
+  // Ends all waiting: there are no more turns. To be called before the callback queue of the nodes'
+  // calls is stopped.
   void close();
 
  private:

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "rbpf_core/particle_filter.hpp"
@@ -67,6 +68,16 @@ void sail(ParticleFilter& filter, const OdometryAt& odometry_at, int from_s, int
   }
 }
 
+// Why the filter refuses a ping; an empty string if it does not.
+inline std::string problemWith(ParticleFilter& filter, const Ping& ping) {
+  try {
+    filter.addPing(ping);
+  } catch (const InputRefused& refused) {
+    return refused.what();
+  }
+  return "";
+}
+
 inline bool operator==(const Pose2& a, const Pose2& b) {
   return a.x_m == b.x_m && a.y_m == b.y_m && a.yaw_rad == b.yaw_rad;
 }
@@ -78,14 +89,14 @@ inline bool operator==(const PlacedBeam& a, const PlacedBeam& b) {
 inline std::vector<PlacedBeam> drawFrom(const ParticleFilter& filter, std::size_t particle,
                                         std::size_t size) {
   std::vector<PlacedBeam> batch(size);
-  filter.drawMinibatch(particle, size, batch.data());
+  filter.snapshot().drawMinibatch(particle, size, batch.data());
   return batch;
 }
 
 inline std::vector<PlacedBeam> blockFrom(const ParticleFilter& filter, std::size_t particle,
                                          std::size_t first, std::size_t size) {
   std::vector<PlacedBeam> block(size);
-  filter.placeBlock(particle, first, size, block.data());
+  filter.snapshot().placeBlock(particle, first, size, block.data());
   return block;
 }
 

@@ -58,7 +58,7 @@ TEST(CommonRandomNumbers, AreNotSharedUnlessAskedFor) {
 TEST(CommonRandomNumbers, LeaveTheBeamsToEachParticlesOwnHistory) {
   ParticleFilter filter(commonParams(3));
   sailAtDepths(filter);
-  EXPECT_FALSE(filter.particles()[0] == filter.particles()[1]);
+  EXPECT_FALSE(filter.snapshot().particles()[0] == filter.snapshot().particles()[1]);
   for (std::size_t j = 0; j < 3; ++j) {
     const std::vector<PlacedBeam> log = blockFrom(filter, j, 0, 800);
     const std::vector<PlacedBeam> batch = drawFrom(filter, j, 500);

@@ -72,8 +72,8 @@ struct Survey {
 std::vector<PlacedBeam> draw(const Survey& survey, std::size_t particle, std::size_t size,
                              RandomStream stream, const Origin& origin = {}) {
   std::vector<PlacedBeam> batch(size);
-  drawMinibatch(survey.log, survey.log.size(), *survey.histories.pasts(), particle, origin, stream,
-                size, batch.data());
+  drawMinibatch(survey.log, survey.log.size(), *survey.histories.trajectories(), particle, origin,
+                stream, size, batch.data());
   return batch;
 }
 
@@ -160,8 +160,8 @@ TEST(DrawMinibatch, DrawsFromTheFirstBeamsOnly) {
   const Survey survey(kUnevenPings, 1, {});
   std::vector<PlacedBeam> batch(5000);
   std::size_t highest = 0;
-  drawMinibatch(survey.log, 100, *survey.histories.pasts(), 0, {}, RandomStream(1), batch.size(),
-                batch.data());
+  drawMinibatch(survey.log, 100, *survey.histories.trajectories(), 0, {}, RandomStream(1),
+                batch.size(), batch.data());
   for (const PlacedBeam& beam : batch) highest = std::max(highest, numberOf(beam));
   EXPECT_EQ(highest, 99U);  // missed by 5,000 draws with probability e^-50
 }
@@ -172,7 +172,7 @@ TEST(DrawMinibatch, WritesAsManyBeamsAsAskedForAndNoneBeyond) {
   for (const std::size_t size : {0U, 1U, 7U, 1000U}) {
     constexpr std::size_t kMargin = 64;
     std::vector<PlacedBeam> cells(size + 2 * kMargin, kGuard);
-    drawMinibatch(survey.log, survey.log.size(), *survey.histories.pasts(), 1, {},
+    drawMinibatch(survey.log, survey.log.size(), *survey.histories.trajectories(), 1, {},
                   RandomStream(size), size, cells.data() + kMargin);
     for (std::size_t i = 0; i < cells.size(); ++i) {
       const bool written = cells[i].z_m != kGuard.z_m;  // depths are never positive
@@ -186,7 +186,8 @@ TEST(DrawMinibatch, WritesAsManyBeamsAsAskedForAndNoneBeyond) {
 std::vector<PlacedBeam> block(const Survey& survey, std::size_t particle, std::size_t first,
                               std::size_t size, const Origin& origin = {}) {
   std::vector<PlacedBeam> beams(size);
-  placeBlock(survey.log, first, size, *survey.histories.pasts(), particle, origin, beams.data());
+  placeBlock(survey.log, first, size, *survey.histories.trajectories(), particle, origin,
+             beams.data());
   return beams;
 }
 

@@ -18,20 +18,20 @@ namespace {
 
 TEST(ParticleFilter, KnowsNothingBeforeTheFirstOdometry) {
   const ParticleFilter filter(quietParams());
-  EXPECT_TRUE(filter.particles().empty());
-  EXPECT_FALSE(filter.latestPing().has_value());
-  EXPECT_FALSE(filter.latestPingStamp().has_value());
-  EXPECT_TRUE(filter.survey(0, 10).empty());
-  EXPECT_EQ(filter.pings(), 0U);
+  EXPECT_TRUE(filter.snapshot().particles().empty());
+  EXPECT_FALSE(filter.snapshot().latestPing().has_value());
+  EXPECT_FALSE(filter.snapshot().latestPingStamp().has_value());
+  EXPECT_TRUE(filter.snapshot().survey(0, 10).empty());
+  EXPECT_EQ(filter.snapshot().pings(), 0U);
   PlacedBeam untouched{1.0F, 2.0F, 3.0F};
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &untouched), 0U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &untouched), 0U);
   EXPECT_EQ(untouched, (PlacedBeam{1.0F, 2.0F, 3.0F}));
 }
 
 TEST(ParticleFilter, StartsAtTheFirstOdometrysPose) {
   ParticleFilter filter(quietParams());
   filter.addOdometry(turning(100.0));
-  for (const Pose2& pose : filter.particles()) EXPECT_EQ(pose, (Pose2{5.0, 6.0, 0.3}));
+  for (const Pose2& pose : filter.snapshot().particles()) EXPECT_EQ(pose, (Pose2{5.0, 6.0, 0.3}));
 }
 
 TEST(ParticleFilter, StartsAtAGivenPoseInstead) {
@@ -39,9 +39,9 @@ TEST(ParticleFilter, StartsAtAGivenPoseInstead) {
   params.start_pose = Pose2{-100.0, 50.0, -2.0};
   ParticleFilter filter(params);
   filter.addOdometry(turning(0.0));
-  for (const Pose2& pose : filter.particles()) EXPECT_EQ(pose, *params.start_pose);
-  EXPECT_EQ(filter.estimate().dead_reckoning, *params.start_pose);
-  EXPECT_EQ(filter.estimate().odometry, (Pose2{5.0, 6.0, 0.3}));
+  for (const Pose2& pose : filter.snapshot().particles()) EXPECT_EQ(pose, *params.start_pose);
+  EXPECT_EQ(filter.snapshot().estimate().dead_reckoning, *params.start_pose);
+  EXPECT_EQ(filter.snapshot().estimate().odometry, (Pose2{5.0, 6.0, 0.3}));
 }
 
 TEST(ParticleFilter, SpreadsTheStartAsGiven) {
@@ -52,7 +52,7 @@ TEST(ParticleFilter, SpreadsTheStartAsGiven) {
   ParticleFilter filter(params);
   filter.addOdometry(turning(0.0));
   Eigen::MatrixXd samples(kParticles, 3);
-  const std::vector<Pose2> particles = filter.particles();
+  const std::vector<Pose2> particles = filter.snapshot().particles();
   for (Eigen::Index j = 0; j < kParticles; ++j) {
     const Pose2& pose = particles[static_cast<std::size_t>(j)];
     samples.row(j) << pose.x_m - 5.0, pose.y_m - 6.0, pose.yaw_rad - 0.3;
@@ -79,14 +79,15 @@ TEST(ParticleFilter, DeadReckoningIsTheIntegrationWithoutNoise) {
     filter.addOdometry(turning(0.1 * k));
     if (k == 120) filter.resample({1, 1, 1, 1, 1});  // dead reckoning knows of no particles
   }
-  EXPECT_EQ(filter.estimate().dead_reckoning, expected);
-  for (const Pose2& pose : filter.particles()) EXPECT_NE(pose.x_m, expected.x_m);
+  EXPECT_EQ(filter.snapshot().estimate().dead_reckoning, expected);
+  for (const Pose2& pose : filter.snapshot().particles()) EXPECT_NE(pose.x_m, expected.x_m);
 }
 
 TEST(ParticleFilter, WithoutNoiseEveryParticleIsDeadReckoning) {
   ParticleFilter filter(quietParams());
   sail(filter, turning, 0, 60);
-  for (const Pose2& pose : filter.particles()) EXPECT_EQ(pose, filter.estimate().dead_reckoning);
+  for (const Pose2& pose : filter.snapshot().particles())
+    EXPECT_EQ(pose, filter.snapshot().estimate().dead_reckoning);
 }
 
 TEST(ParticleFilter, RefusesOdometryThatIsNotLaterThanTheOneBefore) {
@@ -94,8 +95,8 @@ TEST(ParticleFilter, RefusesOdometryThatIsNotLaterThanTheOneBefore) {
   filter.addOdometry(turning(1.0));
   EXPECT_THROW(filter.addOdometry(turning(1.0)), std::invalid_argument);
   EXPECT_THROW(filter.addOdometry(turning(0.5)), std::invalid_argument);
-  EXPECT_EQ(filter.counters().odometry_rejected, 2U);
-  EXPECT_EQ(filter.counters().odometry_messages, 1U);
+  EXPECT_EQ(filter.snapshot().counters().odometry_rejected, 2U);
+  EXPECT_EQ(filter.snapshot().counters().odometry_messages, 1U);
 }
 
 TEST(ParticleFilter, RefusesOdometryWithANumberThatIsNotFinite) {
@@ -114,10 +115,10 @@ TEST(ParticleFilter, RefusesOdometryWithANumberThatIsNotFinite) {
   for (const Odometry& odometry : bad) {
     ParticleFilter filter(quietParams());
     EXPECT_THROW(filter.addOdometry(odometry), std::invalid_argument);
-    EXPECT_TRUE(filter.particles().empty());
+    EXPECT_TRUE(filter.snapshot().particles().empty());
     filter.addOdometry(turning(1.0));
     EXPECT_THROW(filter.addOdometry(odometry), std::invalid_argument);
-    EXPECT_EQ(filter.counters().odometry_rejected, 2U);
+    EXPECT_EQ(filter.snapshot().counters().odometry_rejected, 2U);
   }
 }
 
@@ -133,7 +134,7 @@ TEST(ParticleFilter, GoesOnAfterRefusedOdometryAsIfItHadNotCome) {
     EXPECT_THROW(disturbed.addOdometry(bad), std::invalid_argument);
     EXPECT_THROW(disturbed.addOdometry(turning(0.1 * k - 0.01)), std::invalid_argument);
   }
-  EXPECT_EQ(clean.particles(), disturbed.particles());
+  EXPECT_EQ(clean.snapshot().particles(), disturbed.snapshot().particles());
 }
 
 // ---- the estimate ------------------------------------------------------------------------------
@@ -175,13 +176,14 @@ TEST(ParticleFilter, EstimatesWithTheWeights) {
   ParticleFilter filter(noisyParams(3));
   sail(filter, turning, 0, 10);
   filter.setLogWeights(Eigen::Array3d(0.2, 0.7, 0.1).log());
-  const Pose2 expected = weightedMean(filter.particles(), Eigen::Array3d(0.2, 0.7, 0.1));
-  const Estimate estimate = filter.estimate();
+  const Pose2 expected = weightedMean(filter.snapshot().particles(), Eigen::Array3d(0.2, 0.7, 0.1));
+  const Estimate estimate = filter.snapshot().estimate();
   EXPECT_NEAR(estimate.mean.x_m, expected.x_m, 1e-12);
   EXPECT_NEAR(estimate.mean.y_m, expected.y_m, 1e-12);
   EXPECT_NEAR(estimate.mean.yaw_rad, expected.yaw_rad, 1e-12);
   EXPECT_TRUE(estimate.covariance.isApprox(
-      weightedCovariance(filter.particles(), Eigen::Array3d(0.2, 0.7, 0.1), expected), 1e-9));
+      weightedCovariance(filter.snapshot().particles(), Eigen::Array3d(0.2, 0.7, 0.1), expected),
+      1e-9));
   EXPECT_DOUBLE_EQ(estimate.stamp_s, 0.2 * 49);
   EXPECT_EQ(estimate.attitude.z_m, -10.0);
 }
@@ -190,11 +192,11 @@ TEST(ParticleFilter, EstimatesWithTheWeights) {
 
 TEST(ParticleFilter, RefusesLogWeightsThatAreNotJFiniteNumbers) {
   ParticleFilter filter(quietParams(3));
-  const Eigen::ArrayXd before = filter.logWeights();
+  const Eigen::ArrayXd before = filter.snapshot().logWeights();
   EXPECT_THROW(filter.setLogWeights(Eigen::ArrayXd::Zero(2)), std::invalid_argument);
   EXPECT_THROW(filter.setLogWeights(Eigen::ArrayXd::Constant(3, std::nan(""))),
                std::invalid_argument);
-  EXPECT_TRUE((filter.logWeights() == before).all());
+  EXPECT_TRUE((filter.snapshot().logWeights() == before).all());
   EXPECT_NEAR(before.exp().sum(), 1.0, 1e-15);
 }
 
@@ -202,10 +204,11 @@ TEST(ParticleFilter, ResamplesParticlesAndMakesTheWeightsUniform) {
   ParticleFilter filter(noisyParams(4));
   sail(filter, turning, 0, 10);
   filter.setLogWeights(Eigen::Array4d(0.1, 0.2, 0.6, 0.1).log());
-  const std::vector<Pose2> before = filter.particles();
+  const std::vector<Pose2> before = filter.snapshot().particles();
   filter.resample({2, 1, 2, 2});
-  EXPECT_EQ(filter.particles(), (std::vector<Pose2>{before[2], before[1], before[2], before[2]}));
-  EXPECT_TRUE((filter.logWeights() - std::log(0.25)).abs().maxCoeff() < 1e-15);
+  EXPECT_EQ(filter.snapshot().particles(),
+            (std::vector<Pose2>{before[2], before[1], before[2], before[2]}));
+  EXPECT_TRUE((filter.snapshot().logWeights() - std::log(0.25)).abs().maxCoeff() < 1e-15);
 }
 
 TEST(ParticleFilter, LetsTheOffspringOfOneParticlePart) {
@@ -213,25 +216,26 @@ TEST(ParticleFilter, LetsTheOffspringOfOneParticlePart) {
   sail(filter, turning, 0, 10);
   filter.resample({1, 1, 1, 1});
   sail(filter, turning, 10, 11);
-  const std::vector<Pose2> after = filter.particles();
+  const std::vector<Pose2> after = filter.snapshot().particles();
   for (std::size_t j = 1; j < 4; ++j) EXPECT_NE(after[j].x_m, after[j - 1].x_m);
 }
 
 TEST(ParticleFilter, RefusesMalformedAncestorsAndKeepsItsParticles) {
   ParticleFilter filter(noisyParams(3));
   sail(filter, turning, 0, 10);
-  const std::vector<Pose2> before = filter.particles();
+  const std::vector<Pose2> before = filter.snapshot().particles();
   EXPECT_THROW(filter.resample({0, 1}), std::invalid_argument);
   EXPECT_THROW(filter.resample({0, 1, 3}), std::invalid_argument);
-  EXPECT_EQ(filter.particles(), before);
+  EXPECT_EQ(filter.snapshot().particles(), before);
 }
 
 TEST(ParticleFilter, HandsOnHistoriesWithTheParticles) {
   ParticleFilter filter(noisyParams(3));
   sail(filter, turning, 0, 20);
-  const std::vector<Pose2> at_ping = filter.latestPing()->poses;
+  const std::vector<Pose2> at_ping = filter.snapshot().latestPing()->poses;
   filter.resample({2, 2, 0});
-  EXPECT_EQ(filter.latestPing()->poses, (std::vector<Pose2>{at_ping[2], at_ping[2], at_ping[0]}));
+  EXPECT_EQ(filter.snapshot().latestPing()->poses,
+            (std::vector<Pose2>{at_ping[2], at_ping[2], at_ping[0]}));
 }
 
 // ---- seeds -------------------------------------------------------------------------------------
@@ -244,7 +248,7 @@ TEST(ParticleFilter, GivesTheSameResultForTheSameSeed) {
     filter->resample({1, 1, 2, 4, 4});
     sail(*filter, turning, 20, 30);
   }
-  EXPECT_EQ(a.particles(), b.particles());
+  EXPECT_EQ(a.snapshot().particles(), b.snapshot().particles());
   EXPECT_EQ(drawFrom(a, 3, 500), drawFrom(b, 3, 500));
 }
 
@@ -253,7 +257,8 @@ TEST(ParticleFilter, GivesAnotherResultForAnotherSeed) {
   ParticleFilter b(noisyParams(5, 2));
   sail(a, turning, 0, 20);
   sail(b, turning, 0, 20);
-  for (std::size_t j = 0; j < 5; ++j) EXPECT_NE(a.particles()[j].x_m, b.particles()[j].x_m);
+  for (std::size_t j = 0; j < 5; ++j)
+    EXPECT_NE(a.snapshot().particles()[j].x_m, b.snapshot().particles()[j].x_m);
   FilterParams quiet = quietParams();  // the same poses: only the draws differ
   ParticleFilter c(quiet);
   quiet.seed = 2;
@@ -268,7 +273,8 @@ TEST(ParticleFilter, MovesAParticleAlikeWhateverTheNumberOfOthers) {
   ParticleFilter many(noisyParams(50));
   sail(few, turning, 0, 20);
   sail(many, turning, 0, 20);
-  for (std::size_t j = 0; j < 3; ++j) EXPECT_EQ(few.particles()[j], many.particles()[j]);
+  for (std::size_t j = 0; j < 3; ++j)
+    EXPECT_EQ(few.snapshot().particles()[j], many.snapshot().particles()[j]);
 }
 
 }  // namespace

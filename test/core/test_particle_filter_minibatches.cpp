@@ -1,13 +1,11 @@
-// Which beams the filter lends to the maps, and that nobody's asking disturbs anybody else's.
+// Which beams the filter releases to the maps, and that no request for them disturbs another.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <set>
 #include <stdexcept>
-#include <string>
 #include <thread>
 #include <tuple>
 #include <vector>
@@ -43,19 +41,19 @@ std::set<int> range(int first, int last) {
 
 // ---- held back, held out -----------------------------------------------------------------------
 
-TEST(HoldBack, LendsOnlyPingsThatAreOldEnough) {
+TEST(HoldBack, ReleasesOnlyPingsThatAreOldEnough) {
   FilterParams params = quietParams();
   params.hold_back_s = 30.0;
   ParticleFilter filter(params);
   sailMarked(filter, 0, 30);  // the odometry has come to 29 s
   PlacedBeam beam;
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 0U);
-  EXPECT_EQ(filter.beams(), 120U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 0U);
+  EXPECT_EQ(filter.snapshot().beams(), 120U);
   sailMarked(filter, 30, 31);
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 4U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 4U);
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 0));
   sailMarked(filter, 31, 100);
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 280U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 280U);
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 69));
 }
 
@@ -68,13 +66,13 @@ TEST(HoldBack, EndsWithTheSurvey) {
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 99));
 }
 
-TEST(HoldBack, OfZeroLendsEverythingAtOnce) {
+TEST(HoldBack, OfZeroReleasesEverythingAtOnce) {
   ParticleFilter filter(quietParams());
   sailMarked(filter, 0, 20);
   EXPECT_EQ(pingsDrawnFrom(filter), range(0, 19));
 }
 
-TEST(HoldBack, DoesNotLendAPingEarlyBecauseItCameLate) {
+TEST(HoldBack, DoesNotReleaseAPingEarlyBecauseItCameLate) {
   FilterParams params = quietParams();
   params.hold_back_s = 5.0;
   ParticleFilter filter(params);
@@ -82,34 +80,34 @@ TEST(HoldBack, DoesNotLendAPingEarlyBecauseItCameLate) {
   filter.addPing(pingAt(8.0, 4, 8.0F));
   filter.addPing(pingAt(2.0, 4, 2.0F));  // old enough, but behind a ping that is not
   PlacedBeam beam;
-  EXPECT_EQ(filter.drawMinibatch(0, 1, &beam), 0U);
+  EXPECT_EQ(filter.snapshot().drawMinibatch(0, 1, &beam), 0U);
   for (int k = 10; k <= 13; ++k) filter.addOdometry(straight(k));
   EXPECT_EQ(pingsDrawnFrom(filter), (std::set<int>{2, 8}));
 }
 
-TEST(Holdout, NeverLendsItsShareOfThePings) {
+TEST(Holdout, NeverReleasesItsShareOfThePings) {
   for (const double share : {0.02, 0.1, 0.25, 0.5}) {
     FilterParams params = quietParams();
     params.holdout = share;
     ParticleFilter filter(params);
     sailMarked(filter, 0, 200);
     filter.finish();
-    std::set<int> lent;
-    for (const SurveyPing& ping : filter.survey(0, 200)) {
-      if (!ping.record.held_out) lent.insert(static_cast<int>(ping.record.stamp_s));
+    std::set<int> released;
+    for (const SurveyPing& ping : filter.snapshot().survey(0, 200)) {
+      if (!ping.record.held_out) released.insert(static_cast<int>(ping.record.stamp_s));
     }
     // floor of 200 share, give or take the rounding of the share
-    EXPECT_NEAR(static_cast<double>(200 - lent.size()), 200.0 * share, 1.0) << share;
-    EXPECT_EQ(pingsDrawnFrom(filter), lent) << share;
-    EXPECT_EQ(filter.beams(), 4 * lent.size());
-    EXPECT_EQ(filter.beams() + filter.beamsHeldOut(), 800U);
+    EXPECT_NEAR(static_cast<double>(200 - released.size()), 200.0 * share, 1.0) << share;
+    EXPECT_EQ(pingsDrawnFrom(filter), released) << share;
+    EXPECT_EQ(filter.snapshot().beams(), 4 * released.size());
+    EXPECT_EQ(filter.snapshot().beams() + filter.snapshot().beamsHeldOut(), 800U);
   }
 }
 
 TEST(Holdout, OfZeroHoldsNothingOut) {
   ParticleFilter filter(quietParams());
   sailMarked(filter, 0, 200);
-  EXPECT_EQ(filter.beamsHeldOut(), 0U);
+  EXPECT_EQ(filter.snapshot().beamsHeldOut(), 0U);
 }
 
 TEST(Minibatch, CountsFromTheSurveysOrigin) {
@@ -130,7 +128,7 @@ TEST(Minibatch, OfAParticleThatDoesNotExistIsRefused) {
   ParticleFilter filter(quietParams(3));
   sailMarked(filter, 0, 5);
   PlacedBeam beam;
-  EXPECT_THROW(filter.drawMinibatch(3, 1, &beam), std::out_of_range);
+  EXPECT_THROW(filter.snapshot().drawMinibatch(3, 1, &beam), std::out_of_range);
 }
 
 // ---- the log in its order ----------------------------------------------------------------------
@@ -148,7 +146,7 @@ TEST(Block, HoldsTheLogInItsOrder) {
 TEST(Block, IsPlacedByTheHistoryThatTheParticleHasNow) {
   ParticleFilter filter(noisyParams(3));
   sail(filter, turning, 0, 30);
-  const std::size_t beams = filter.beamsReleased();
+  const std::size_t beams = filter.snapshot().beamsReleased();
   const std::vector<PlacedBeam> of_two = blockFrom(filter, 2, 0, beams);
   EXPECT_FALSE(blockFrom(filter, 0, 0, beams) == of_two);
   filter.resample({2, 1, 0});
@@ -162,7 +160,7 @@ TEST(Block, LeavesOutWhatIsHeldOutAndRefusesWhatIsHeldBack) {
   params.holdout = 0.5;  // every second ping, the first one not
   ParticleFilter filter(params);
   sailMarked(filter, 0, 100);
-  const std::size_t released = filter.beamsReleased();
+  const std::size_t released = filter.snapshot().beamsReleased();
   EXPECT_EQ(released, 4U * 35);  // pings 0, 2 .. 68 of 0 .. 69
   const std::vector<PlacedBeam> log = blockFrom(filter, 0, 0, released);
   for (std::size_t i = 0; i < log.size(); ++i) {
@@ -189,7 +187,7 @@ TEST(Block, DoesNotDisturbTheMinibatches) {
   EXPECT_TRUE(drawFrom(asked, 1, 100) == drawFrom(left_alone, 1, 100));
 }
 
-// ---- whoever asks, whenever --------------------------------------------------------------------
+// ---- requests in any order and number ----------------------------------------------------------
 
 using Batch = std::vector<PlacedBeam>;
 
@@ -237,7 +235,7 @@ TEST(Minibatches, DoNotMoveTheParticles) {
     sail(left_alone, turning, k, k + 1);
     drawFrom(asked, static_cast<std::size_t>(k % 5), 77);
   }
-  EXPECT_EQ(asked.particles(), left_alone.particles());
+  EXPECT_EQ(asked.snapshot().particles(), left_alone.snapshot().particles());
 }
 
 // Four threads on one particle: together they get what one alone would have got, call by call.
@@ -266,167 +264,6 @@ TEST(Minibatches, AreTheSameFromManyThreadsAsFromOne) {
   std::sort(seen.begin(), seen.end(), earlier);
   std::sort(expected.begin(), expected.end(), earlier);
   EXPECT_TRUE(seen == expected);
-}
-
-// The map nodes draw as fast as they can, all at once; the survey must not wait for them.
-TEST(ParticleFilterThreads, TakeOdometryInWhileMinibatchesAreDrawnWithoutAPause) {
-  using Clock = std::chrono::steady_clock;
-  ParticleFilter filter(quietParams());
-  sail(filter, turning, 0, 5);
-  constexpr int kThreads = 6;
-  std::atomic<bool> stop{false};
-  std::atomic<int> drawing{0};
-  const Clock::time_point start = Clock::now();
-  const Clock::time_point deadline = start + std::chrono::seconds(10);  // of a test that fails
-  std::vector<std::thread> threads;
-  for (int t = 0; t < kThreads; ++t) {
-    threads.emplace_back([&] {
-      std::vector<PlacedBeam> batch(1000);
-      ++drawing;
-      while (!stop && Clock::now() < deadline) filter.drawMinibatch(0, batch.size(), batch.data());
-    });
-  }
-  while (drawing < kThreads) std::this_thread::yield();
-  for (int k = 25; k < 125; ++k) filter.addOdometry(turning(0.2 * k));
-  const std::chrono::duration<double> taken = Clock::now() - start;
-  stop = true;
-  for (std::thread& thread : threads) thread.join();
-  // 20 s of odometry; with two cores for seven threads a message takes some time slices of 4 ms
-  EXPECT_LT(taken.count(), 8.0);
-}
-
-// Meant for ThreadSanitizer too: everything that runs at once in the live node.
-TEST(ParticleFilterThreads, DrawAndReadWhileTheSurveyGrowsAndIsResampled) {
-  constexpr std::size_t kParticles = 8;
-  ParticleFilter filter(noisyParams(kParticles));
-  sail(filter, turning, 0, 5);
-  std::atomic<bool> stop{false};
-  std::atomic<bool> sound{true};
-  std::atomic<std::size_t> drawn{0};
-  std::vector<std::thread> threads;
-  for (std::size_t t = 0; t < 3; ++t) {
-    threads.emplace_back([&, t] {
-      for (std::size_t call = t; !stop; ++call, ++drawn) {
-        for (const PlacedBeam& beam : drawFrom(filter, call % kParticles, 50)) {
-          // on a circle of 20 m radius, with noise; a beam from elsewhere is a torn read
-          if (!(std::hypot(beam.x_m, beam.y_m) < 500.0F) || beam.z_m != -30.0F) sound = false;
-        }
-        const std::size_t last = filter.beamsReleased() - 1;
-        if (blockFrom(filter, call % kParticles, last, 1).front().z_m != -30.0F) sound = false;
-      }
-    });
-  }
-  threads.emplace_back([&] {
-    while (!stop) {
-      const auto ping = filter.latestPing();
-      if (!ping || ping->poses.size() != kParticles) sound = false;
-      if (filter.survey(0, 3).size() != 3) sound = false;
-      if (filter.estimate().covariance.diagonal().minCoeff() < 0.0) sound = false;
-      filter.counters();
-    }
-  });
-  std::atomic<std::size_t> resampled{0};
-  threads.emplace_back([&] {
-    for (; !stop; ++resampled) {
-      filter.setLogWeights(filter.logWeights());
-      filter.resample({0, 0, 1, 3, 3, 3, 6, 7});
-      filter.resample({0, 1, 2, 3, 4, 5, 6, 7});
-    }
-  });
-  for (int k = 5; k < 60 || drawn < 1000 || resampled < 30; ++k) sail(filter, turning, k, k + 1);
-  stop = true;
-  for (std::thread& thread : threads) thread.join();
-  EXPECT_TRUE(sound);
-  EXPECT_EQ(filter.counters().pings_dropped, 0U);
-}
-
-// The most pings that came in while one call of `work` lasted, over up to 200 calls; no more calls
-// once it is `enough`.
-template <typename Work>
-std::size_t pingsTakenInDuring(std::size_t enough, const Work& work) {
-  ParticleFilter filter(noisyParams(8));
-  sail(filter, turning, 0, 99);
-  std::atomic<bool> stop{false};
-  std::thread vehicle([&] {
-    for (int k = 500; !stop; ++k) {
-      filter.addOdometry(turning(0.2 * k));
-      filter.addPing(pingAt(0.2 * k));
-    }
-  });
-  std::size_t most = 0;
-  for (int call = 0; call < 200 && most < enough; ++call) {
-    const std::size_t before = filter.pings();
-    work(filter);
-    most = std::max(most, filter.pings() - before);
-  }
-  stop = true;
-  vehicle.join();
-  return most;
-}
-
-// Each call takes some milliseconds, a ping some microseconds. Under a common lock only those few
-// pings would come in that slip in between the call's ends and the lock's.
-TEST(ParticleFilterThreads, PingsAreTakenInWhileOthersAreAtWork) {
-  constexpr std::size_t kEnough = 50;
-  const auto reading = [](const ParticleFilter& filter) { filter.survey(0, 1000000); };
-  EXPECT_GE(pingsTakenInDuring(kEnough, reading), kEnough);
-  std::vector<PlacedBeam> minibatch(1000000);
-  const auto drawing = [&](const ParticleFilter& filter) {
-    filter.drawMinibatch(0, minibatch.size(), minibatch.data());
-  };
-  EXPECT_GE(pingsTakenInDuring(kEnough, drawing), kEnough);
-}
-
-// What is shown once stays as it was: what a reader makes of it belongs together.
-TEST(ParticleFilterSnapshot, StaysAsItWasWhileTheFilterGoesOn) {
-  FilterParams params = noisyParams(5);
-  params.common_random_numbers = true;
-  ParticleFilter filter(params);
-  sail(filter, turning, 0, 20);
-  const FilterSnapshot before = filter.snapshot();
-  const auto particles = before.particles();
-  const auto survey = before.survey(0, 1000);
-  std::vector<PlacedBeam> log(before.beams());
-  before.placeBlock(3, 0, log.size(), log.data());
-
-  sail(filter, turning, 20, 60);
-  filter.setLogWeights(Eigen::ArrayXd::LinSpaced(5, -3.0, -1.0));
-  filter.resample({4, 4, 4, 1, 1});
-  sail(filter, turning, 60, 100);
-  filter.finish();
-
-  EXPECT_EQ(before.particles(), particles);
-  EXPECT_TRUE((before.logWeights() == -std::log(5.0)).all());
-  ASSERT_EQ(before.survey(0, 1000).size(), survey.size());
-  for (std::size_t i = 0; i < survey.size(); ++i) {
-    EXPECT_EQ(before.survey(i, 1)[0].estimate, survey[i].estimate);
-  }
-  std::vector<PlacedBeam> again(before.beamsReleased());
-  before.placeBlock(3, 0, again.size(), again.data());
-  EXPECT_EQ(again, log);
-  EXPECT_EQ(before.beamsReleased(), log.size());
-  EXPECT_GT(filter.beamsReleased(), log.size());
-  EXPECT_EQ(before.latestPing()->index, survey.size() - 1);
-}
-
-// Pings taken in while a resampling is worked out belong to the ancestors' pasts, as those before.
-TEST(ParticleFilterSnapshot, HistoriesSurviveResamplingsAsTheyAreTakenIn) {
-  constexpr std::size_t kParticles = 4;
-  ParticleFilter filter(noisyParams(kParticles));
-  std::atomic<bool> stop{false};
-  std::thread resampling([&] {
-    for (std::uint32_t k = 0; !stop; ++k) filter.resample({0, k % 4, 2, (k + 1) % 4});
-  });
-  sail(filter, turning, 0, 100);
-  stop = true;
-  resampling.join();
-  // particles 0 and 2 always went on from themselves: their pasts must be those without resampling
-  ParticleFilter alone(noisyParams(kParticles));
-  sail(alone, turning, 0, 100);
-  for (const std::size_t particle : {0U, 2U}) {
-    EXPECT_EQ(blockFrom(filter, particle, 0, filter.beams()),
-              blockFrom(alone, particle, 0, alone.beams()));
-  }
 }
 
 }  // namespace

@@ -16,7 +16,9 @@ void addOdometry(ParticleFilter& filter, const std::vector<double>& stamps_s) {
   for (const double stamp_s : stamps_s) filter.addOdometry(turning(stamp_s));
 }
 
-std::vector<Pose2> latestPoses(const ParticleFilter& filter) { return filter.latestPing()->poses; }
+std::vector<Pose2> latestPoses(const ParticleFilter& filter) {
+  return filter.snapshot().latestPing()->poses;
+}
 
 // ---- in time -----------------------------------------------------------------------------------
 
@@ -24,8 +26,8 @@ TEST(PingInTime, LiesOnTheWayBetweenTwoMessages) {
   ParticleFilter filter(quietParams());
   filter.addOdometry(straight(0.0));
   filter.addOdometry(straight(1.0));
-  EXPECT_EQ(filter.addPing(pingAt(0.25)), "");
-  EXPECT_EQ(filter.latestPing()->stamp_s, 0.25);
+  EXPECT_EQ(problemWith(filter, pingAt(0.25)), "");
+  EXPECT_EQ(filter.snapshot().latestPing()->stamp_s, 0.25);
   for (const Pose2& pose : latestPoses(filter)) EXPECT_NEAR(pose.x_m, 0.5, 1e-6);  // 2 m/s
 }
 
@@ -33,9 +35,9 @@ TEST(PingInTime, IsPlacedByEachParticlesOwnPosesBeforeAndAfter) {
   ParticleFilter filter(noisyParams());
   filter.addOdometry(turning(0.0));
   filter.addOdometry(turning(1.0));
-  const std::vector<Pose2> before = filter.particles();
+  const std::vector<Pose2> before = filter.snapshot().particles();
   filter.addOdometry(turning(2.0));
-  const std::vector<Pose2> after = filter.particles();
+  const std::vector<Pose2> after = filter.snapshot().particles();
   filter.addPing(pingAt(1.7));
   const std::vector<Pose2> placed = latestPoses(filter);
   for (std::size_t j = 0; j < before.size(); ++j) {
@@ -58,13 +60,13 @@ TEST(PingInTime, IsLevelledWithTheAttitudeAtItsOwnStamp) {
   const Ping ping = pingAt(0.5);
   filter.addPing(ping);
   const Beams expected = levelBeams(ping.beams_m, {-11.0, 0.2, 0.1});
-  EXPECT_TRUE(filter.latestPing()->levelled_m.isApprox(expected, 1e-6F));
+  EXPECT_TRUE(filter.snapshot().latestPing()->levelled_m.isApprox(expected, 1e-6F));
 }
 
 TEST(PingInTime, TakesTheMessagesOwnPoseAtTheSameStamp) {
   ParticleFilter filter(noisyParams());
   addOdometry(filter, {0.0, 1.0});
-  const std::vector<Pose2> at_one = filter.particles();
+  const std::vector<Pose2> at_one = filter.snapshot().particles();
   addOdometry(filter, {2.0});
   filter.addPing(pingAt(1.0));
   for (std::size_t j = 0; j < at_one.size(); ++j) {
@@ -76,18 +78,18 @@ TEST(PingInTime, TakesTheMessagesOwnPoseAtTheSameStamp) {
 
 TEST(PingInTime, WaitsForOdometryAtOrAfterItsStamp) {
   ParticleFilter filter(quietParams());
-  EXPECT_EQ(filter.addPing(pingAt(0.5)), "");  // before any odometry
+  EXPECT_EQ(problemWith(filter, pingAt(0.5)), "");  // before any odometry
   addOdometry(filter, {0.0});
-  EXPECT_EQ(filter.addPing(pingAt(1.0)), "");
-  EXPECT_EQ(filter.pingsWaiting(), 2U);
-  EXPECT_EQ(filter.pings(), 0U);
+  EXPECT_EQ(problemWith(filter, pingAt(1.0)), "");
+  EXPECT_EQ(filter.snapshot().pingsWaiting(), 2U);
+  EXPECT_EQ(filter.snapshot().pings(), 0U);
   addOdometry(filter, {0.8});
-  EXPECT_EQ(filter.pingsWaiting(), 1U);
-  EXPECT_EQ(filter.latestPing()->stamp_s, 0.5);
+  EXPECT_EQ(filter.snapshot().pingsWaiting(), 1U);
+  EXPECT_EQ(filter.snapshot().latestPing()->stamp_s, 0.5);
   addOdometry(filter, {1.0});
-  EXPECT_EQ(filter.pingsWaiting(), 0U);
-  EXPECT_EQ(filter.latestPing()->stamp_s, 1.0);
-  EXPECT_EQ(filter.counters().pings_dropped, 0U);
+  EXPECT_EQ(filter.snapshot().pingsWaiting(), 0U);
+  EXPECT_EQ(filter.snapshot().latestPing()->stamp_s, 1.0);
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 0U);
 }
 
 TEST(PingInTime, ThatWaitedEqualsOneThatDidNot) {
@@ -106,7 +108,7 @@ TEST(PingInTime, WaitsInTheOrderOfTheStamps) {
   filter.addOdometry(straight(0.0));
   for (const double stamp_s : {0.7, 0.3, 0.5}) filter.addPing(pingAt(stamp_s));
   filter.addOdometry(straight(1.0));
-  const std::vector<SurveyPing> survey = filter.survey(0, 10);
+  const std::vector<SurveyPing> survey = filter.snapshot().survey(0, 10);
   ASSERT_EQ(survey.size(), 3U);
   EXPECT_EQ(survey[0].record.stamp_s, 0.3);
   EXPECT_EQ(survey[1].record.stamp_s, 0.5);
@@ -117,14 +119,14 @@ TEST(LatestPing, IsTheLastOneTakenInAndItsStampIsToBeHadAlone) {
   ParticleFilter filter(quietParams());
   addOdometry(filter, {0.0, 1.0});
   filter.addPing(pingAt(1.5));  // waits
-  EXPECT_FALSE(filter.latestPingStamp().has_value());
+  EXPECT_FALSE(filter.snapshot().latestPingStamp().has_value());
   filter.addPing(pingAt(0.75));
-  EXPECT_EQ(filter.latestPingStamp(), 0.75);
+  EXPECT_EQ(filter.snapshot().latestPingStamp(), 0.75);
   addOdometry(filter, {2.0});
-  EXPECT_EQ(filter.latestPingStamp(), 1.5);
+  EXPECT_EQ(filter.snapshot().latestPingStamp(), 1.5);
   filter.addPing(pingAt(1.25));  // late
-  EXPECT_EQ(filter.latestPingStamp(), 1.25);
-  EXPECT_EQ(filter.latestPing()->stamp_s, 1.25);
+  EXPECT_EQ(filter.snapshot().latestPingStamp(), 1.25);
+  EXPECT_EQ(filter.snapshot().latestPing()->stamp_s, 1.25);
 }
 
 // ---- late, early, too many ---------------------------------------------------------------------
@@ -132,27 +134,27 @@ TEST(LatestPing, IsTheLastOneTakenInAndItsStampIsToBeHadAlone) {
 TEST(LatePing, OfTheLastTenSecondsIsPlacedRight) {
   ParticleFilter filter(quietParams());
   for (int k = 0; k <= 60; ++k) filter.addOdometry(straight(0.5 * k));
-  EXPECT_EQ(filter.addPing(pingAt(20.25)), "");
+  EXPECT_EQ(problemWith(filter, pingAt(20.25)), "");
   for (const Pose2& pose : latestPoses(filter)) EXPECT_NEAR(pose.x_m, 40.5, 1e-9);
-  EXPECT_EQ(filter.addPing(pingAt(25.1)), "");
+  EXPECT_EQ(problemWith(filter, pingAt(25.1)), "");
   for (const Pose2& pose : latestPoses(filter)) EXPECT_NEAR(pose.x_m, 50.2, 1e-9);
-  EXPECT_EQ(filter.counters().pings_dropped, 0U);
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 0U);
 }
 
 TEST(LatePing, BeyondThatIsDroppedAndCounted) {
   ParticleFilter filter(quietParams());
   for (int k = 0; k <= 60; ++k) filter.addOdometry(straight(0.5 * k));
-  EXPECT_NE(filter.addPing(pingAt(19.0)).find("19.0"), std::string::npos);
-  EXPECT_EQ(filter.counters().pings_dropped, 1U);
-  EXPECT_EQ(filter.pings(), 0U);
+  EXPECT_NE(problemWith(filter, pingAt(19.0)).find("19.0"), std::string::npos);
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 1U);
+  EXPECT_EQ(filter.snapshot().pings(), 0U);
 }
 
 TEST(LatePing, IsPlacedByTheAncestorsPosesAfterAResampling) {
   ParticleFilter filter(noisyParams(4));
   addOdometry(filter, {0.0, 1.0});
-  const std::vector<Pose2> before = filter.particles();
+  const std::vector<Pose2> before = filter.snapshot().particles();
   addOdometry(filter, {2.0});
-  const std::vector<Pose2> after = filter.particles();
+  const std::vector<Pose2> after = filter.snapshot().particles();
   const std::vector<std::uint32_t> ancestors = {3, 1, 1, 0};
   filter.resample(ancestors);
   filter.addPing(pingAt(1.5));
@@ -167,11 +169,11 @@ TEST(EarlyPing, FromBeforeTheFirstOdometryIsDroppedAndCounted) {
   ParticleFilter filter(quietParams());
   filter.addPing(pingAt(3.0));  // waits: odometry may yet come
   addOdometry(filter, {5.0, 6.0});
-  EXPECT_EQ(filter.counters().pings_dropped, 1U);
-  EXPECT_NE(filter.addPing(pingAt(4.9)), "");
-  EXPECT_EQ(filter.counters().pings_dropped, 2U);
-  EXPECT_EQ(filter.pings(), 0U);
-  EXPECT_EQ(filter.pingsWaiting(), 0U);
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 1U);
+  EXPECT_NE(problemWith(filter, pingAt(4.9)), "");
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 2U);
+  EXPECT_EQ(filter.snapshot().pings(), 0U);
+  EXPECT_EQ(filter.snapshot().pingsWaiting(), 0U);
 }
 
 TEST(PingQueue, DropsAndCountsTheOldestWhenItOverflows) {
@@ -179,14 +181,14 @@ TEST(PingQueue, DropsAndCountsTheOldestWhenItOverflows) {
   params.ping_queue = 3;
   ParticleFilter filter(params);
   addOdometry(filter, {0.0});
-  for (const double stamp_s : {1.0, 2.0, 3.0}) EXPECT_EQ(filter.addPing(pingAt(stamp_s)), "");
-  EXPECT_NE(filter.addPing(pingAt(4.0)).find("1.0"), std::string::npos);
-  EXPECT_NE(filter.addPing(pingAt(5.0)).find("2.0"), std::string::npos);
-  EXPECT_EQ(filter.pingsWaiting(), 3U);
-  EXPECT_EQ(filter.counters().pings_dropped, 2U);
+  for (const double stamp_s : {1.0, 2.0, 3.0}) EXPECT_EQ(problemWith(filter, pingAt(stamp_s)), "");
+  EXPECT_NE(problemWith(filter, pingAt(4.0)).find("1.0"), std::string::npos);
+  EXPECT_NE(problemWith(filter, pingAt(5.0)).find("2.0"), std::string::npos);
+  EXPECT_EQ(filter.snapshot().pingsWaiting(), 3U);
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 2U);
   addOdometry(filter, {10.0});
-  EXPECT_EQ(filter.pings(), 3U);
-  EXPECT_EQ(filter.survey(0, 1).front().record.stamp_s, 3.0);
+  EXPECT_EQ(filter.snapshot().pings(), 3U);
+  EXPECT_EQ(filter.snapshot().survey(0, 1).front().record.stamp_s, 3.0);
 }
 
 // ---- bad pings ---------------------------------------------------------------------------------
@@ -196,20 +198,20 @@ TEST(BadPing, WithoutAGoodBeamIsRejectedAndCounted) {
   addOdometry(filter, {0.0, 1.0});
   Ping blind = pingAt(0.5);
   blind.beams_m.setConstant(std::numeric_limits<float>::quiet_NaN());
-  EXPECT_NE(filter.addPing(blind), "");
-  EXPECT_NE(filter.addPing(pingAt(0.6, 0)), "");
-  EXPECT_EQ(filter.counters().pings_rejected, 2U);
-  EXPECT_EQ(filter.counters().beams_rejected, 8U);
-  EXPECT_EQ(filter.pings(), 0U);
+  EXPECT_NE(problemWith(filter, blind), "");
+  EXPECT_NE(problemWith(filter, pingAt(0.6, 0)), "");
+  EXPECT_EQ(filter.snapshot().counters().pings_rejected, 2U);
+  EXPECT_EQ(filter.snapshot().counters().beams_rejected, 8U);
+  EXPECT_EQ(filter.snapshot().pings(), 0U);
 }
 
 TEST(BadPing, WithoutAFiniteStampIsRejectedAndCounted) {
   ParticleFilter filter(quietParams());
   addOdometry(filter, {0.0, 1.0});
-  EXPECT_NE(filter.addPing(pingAt(std::numeric_limits<double>::quiet_NaN())), "");
-  EXPECT_NE(filter.addPing(pingAt(std::numeric_limits<double>::infinity())), "");
-  EXPECT_EQ(filter.counters().pings_rejected, 2U);
-  EXPECT_EQ(filter.pingsWaiting(), 0U);
+  EXPECT_NE(problemWith(filter, pingAt(std::numeric_limits<double>::quiet_NaN())), "");
+  EXPECT_NE(problemWith(filter, pingAt(std::numeric_limits<double>::infinity())), "");
+  EXPECT_EQ(filter.snapshot().counters().pings_rejected, 2U);
+  EXPECT_EQ(filter.snapshot().pingsWaiting(), 0U);
 }
 
 TEST(BadPing, LosesItsBadBeamsOnly) {
@@ -218,10 +220,10 @@ TEST(BadPing, LosesItsBadBeamsOnly) {
   Ping ping = pingAt(0.5, 10);
   ping.beams_m(2, 4) = std::numeric_limits<float>::quiet_NaN();
   ping.beams_m(2, 7) = -1e6F;
-  EXPECT_EQ(filter.addPing(ping), "");
-  EXPECT_EQ(filter.beams(), 8U);
-  EXPECT_EQ(filter.counters().beams_rejected, 2U);
-  EXPECT_EQ(filter.latestPing()->levelled_m.cols(), 8);
+  EXPECT_EQ(problemWith(filter, ping), "");
+  EXPECT_EQ(filter.snapshot().beams(), 8U);
+  EXPECT_EQ(filter.snapshot().counters().beams_rejected, 2U);
+  EXPECT_EQ(filter.snapshot().latestPing()->levelled_m.cols(), 8);
 }
 
 // ---- the end -----------------------------------------------------------------------------------
@@ -233,11 +235,11 @@ TEST(Finish, DropsAndCountsThePingsStillWaiting) {
   filter.addPing(pingAt(1.5));
   filter.addPing(pingAt(1.6));
   filter.finish();
-  EXPECT_EQ(filter.pingsWaiting(), 0U);
-  EXPECT_EQ(filter.pings(), 1U);
-  EXPECT_EQ(filter.counters().pings_dropped, 2U);
-  EXPECT_NE(filter.addPing(pingAt(2.0)), "");  // nothing will come for it any more
-  EXPECT_EQ(filter.counters().pings_dropped, 3U);
+  EXPECT_EQ(filter.snapshot().pingsWaiting(), 0U);
+  EXPECT_EQ(filter.snapshot().pings(), 1U);
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 2U);
+  EXPECT_NE(problemWith(filter, pingAt(2.0)), "");  // nothing will come for it any more
+  EXPECT_EQ(filter.snapshot().counters().pings_dropped, 3U);
 }
 
 // ---- the survey as a whole ---------------------------------------------------------------------
@@ -256,7 +258,7 @@ TEST(Survey, HoldsEveryPingWithTheWeightedMeanOfItsHistories) {
     }
   }
   filter.setLogWeights(weights.log());
-  const std::vector<SurveyPing> survey = filter.survey(0, 100);
+  const std::vector<SurveyPing> survey = filter.snapshot().survey(0, 100);
   ASSERT_EQ(survey.size(), 30U);
   for (std::size_t i = 0; i < survey.size(); ++i) {
     const Pose2 mean = weightedMean(naive[i], weights);
@@ -277,7 +279,7 @@ TEST(Survey, HandsOutItsOwnBeamsForEveryPingHeldOutOrNot) {
     filter.addOdometry(straight(k));
     filter.addPing(pingAt(k, 3 + k % 4, static_cast<float>(k)));
   }
-  const std::vector<SurveyPing> survey = filter.survey(0, 100);
+  const std::vector<SurveyPing> survey = filter.snapshot().survey(0, 100);
   ASSERT_EQ(survey.size(), 40U);
   for (int k = 0; k < 40; ++k) {
     const SurveyPing& ping = survey[static_cast<std::size_t>(k)];
@@ -298,10 +300,10 @@ TEST(Survey, CanBeReadInPartsAndWithAStride) {
     for (const SurveyPing& ping : survey) stamps_s.push_back(ping.record.stamp_s);
     return stamps_s;
   };
-  EXPECT_EQ(stampsOf(filter.survey(5, 3)), (std::vector<double>{5, 6, 7}));
-  EXPECT_EQ(stampsOf(filter.survey(18, 10)), (std::vector<double>{18, 19}));
-  EXPECT_EQ(stampsOf(filter.survey(0, 100, 6)), (std::vector<double>{0, 6, 12, 18}));
-  EXPECT_TRUE(filter.survey(20, 10).empty());
+  EXPECT_EQ(stampsOf(filter.snapshot().survey(5, 3)), (std::vector<double>{5, 6, 7}));
+  EXPECT_EQ(stampsOf(filter.snapshot().survey(18, 10)), (std::vector<double>{18, 19}));
+  EXPECT_EQ(stampsOf(filter.snapshot().survey(0, 100, 6)), (std::vector<double>{0, 6, 12, 18}));
+  EXPECT_TRUE(filter.snapshot().survey(20, 10).empty());
 }
 
 }  // namespace

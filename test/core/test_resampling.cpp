@@ -110,7 +110,7 @@ TEST(SystematicOffspring, SumsToJWhenUIsAlmostOne) {
     const auto J = static_cast<Eigen::Index>(1 + stream.below(300));
     Eigen::ArrayXd weights = randomWeights(J, stream);
     const auto zeros = static_cast<Eigen::Index>(stream.below(static_cast<std::uint64_t>(J)));
-    weights.tail(zeros).setZero();  // the comb must not run into these, nor past them
+    weights.tail(zeros).setZero();  // no point must fall on these, nor past them
     weights /= weights.sum();
     const Counts offspring = systematicOffspring(weights, kAlmostOne);
     ASSERT_EQ(sum(offspring), static_cast<std::size_t>(J));

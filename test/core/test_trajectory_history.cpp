@@ -16,12 +16,12 @@ namespace {
 // copy of its numbers for each particle.
 class NaiveHistories {
  public:
-  explicit NaiveHistories(std::size_t particles) : pasts_(particles) {}
+  explicit NaiveHistories(std::size_t particles) : trajectories_(particles) {}
 
   std::vector<Pose2> append() {
     std::vector<Pose2> poses;
-    for (auto& past : pasts_) {
-      past.push_back(next_);
+    for (auto& trajectory : trajectories_) {
+      trajectory.push_back(next_);
       poses.push_back({static_cast<double>(next_), -static_cast<double>(next_), 0.0});
       ++next_;
     }
@@ -29,31 +29,32 @@ class NaiveHistories {
   }
 
   void resample(const std::vector<std::uint32_t>& ancestors) {
-    const auto before = pasts_;
-    for (std::size_t j = 0; j < ancestors.size(); ++j) pasts_[j] = before[ancestors[j]];
+    const auto before = trajectories_;
+    for (std::size_t j = 0; j < ancestors.size(); ++j) trajectories_[j] = before[ancestors[j]];
   }
 
-  // Poses that at least one particle still has in its past.
+  // Poses that at least one particle still has in its trajectory.
   std::size_t distinctPoses() const {
     std::set<std::uint64_t> distinct;
-    for (const auto& past : pasts_) distinct.insert(past.begin(), past.end());
+    for (const auto& trajectory : trajectories_)
+      distinct.insert(trajectory.begin(), trajectory.end());
     return distinct.size();
   }
 
-  const std::vector<std::vector<std::uint64_t>>& pasts() const { return pasts_; }
+  const std::vector<std::vector<std::uint64_t>>& trajectories() const { return trajectories_; }
 
  private:
-  std::vector<std::vector<std::uint64_t>> pasts_;
+  std::vector<std::vector<std::uint64_t>> trajectories_;
   std::uint64_t next_ = 0;
 };
 
 // slots: of the pings.
 void expectEqual(const TrajectoryHistories& histories, const NaiveHistories& naive,
                  const std::vector<PoseSlot>& slots) {
-  for (std::size_t j = 0; j < naive.pasts().size(); ++j) {
-    ASSERT_EQ(slots.size(), naive.pasts()[j].size());
+  for (std::size_t j = 0; j < naive.trajectories().size(); ++j) {
+    ASSERT_EQ(slots.size(), naive.trajectories()[j].size());
     for (std::size_t ping = 0; ping < slots.size(); ++ping) {
-      const auto number = static_cast<double>(naive.pasts()[j][ping]);
+      const auto number = static_cast<double>(naive.trajectories()[j][ping]);
       ASSERT_EQ(histories.at(j, slots[ping]).x_m, number) << "particle " << j << ", ping " << ping;
       ASSERT_EQ(histories.at(j, slots[ping]).y_m, -number) << "particle " << j << ", ping " << ping;
     }
@@ -106,7 +107,7 @@ TEST(TrajectoryHistories, FindEveryPoseAfterAThousandResamplings) {
   EXPECT_EQ(histories.storedPoses(), naive.distinctPoses());
 }
 
-TEST(TrajectoryHistories, ShareTheirPastInsteadOfCopyingIt) {
+TEST(TrajectoryHistories, ShareTheirPosesInsteadOfCopyingThem) {
   TrajectoryHistories histories(3);
   NaiveHistories naive(3);
   std::vector<PoseSlot> slots;
@@ -144,39 +145,40 @@ TEST(TrajectoryHistories, StayAsTheyAreWhenResampledToThemselves) {
   EXPECT_EQ(histories.storedPoses(), 15U);
 }
 
-// What readers rely on while the survey goes on: no pose moves, and a past that somebody still
-// looks at stays as it was.
-TEST(TrajectoryHistories, LeaveEarlierPastsAsTheyWere) {
+// What readers rely on while the survey goes on: no pose moves, and trajectories that somebody
+// still looks at stay as they were.
+TEST(TrajectoryHistories, LeaveEarlierTrajectoriesAsTheyWere) {
   TrajectoryHistories histories(3);
   NaiveHistories naive(3);
   std::vector<PoseSlot> slots;
   for (int ping = 0; ping < 100; ++ping) slots.push_back(histories.append(naive.append()));
   const NaiveHistories naive_before = naive;
-  const auto before = histories.pasts();
+  const auto before = histories.trajectories();
   histories.resample({2, 2, 0});
   naive.resample({2, 2, 0});
   for (int ping = 0; ping < 5000; ++ping) slots.push_back(histories.append(naive.append()));
   expectEqual(histories, naive, slots);
   for (std::size_t j = 0; j < 3; ++j) {
     for (std::size_t ping = 0; ping < 100; ++ping) {
-      EXPECT_EQ(before->at(j, slots[ping]).x_m, static_cast<double>(naive_before.pasts()[j][ping]));
+      EXPECT_EQ(before->at(j, slots[ping]).x_m,
+                static_cast<double>(naive_before.trajectories()[j][ping]));
     }
   }
 }
 
-// Heirs made aside inherit what is appended before they succeed, from a poses' trickle to more
+// Poses appended between the two steps of a resampling are the ancestors' too, be they few or more
 // segments than there was room for.
-TEST(TrajectoryHistories, HeirsBringInWhatHasComeSince) {
+TEST(TrajectoryHistories, APreparedResamplingBringsInWhatHasComeSince) {
   for (const int pings_since : {0, 1, 63, 64, 65, 20000}) {
     TrajectoryHistories histories(4);
     NaiveHistories naive(4);
     std::vector<PoseSlot> slots;
     for (int ping = 0; ping < 100; ++ping) slots.push_back(histories.append(naive.append()));
-    auto heirs = TrajectoryHistories::heirs({1, 1, 3, 0}, histories.now());
+    auto prepared = TrajectoryHistories::prepareResampling({1, 1, 3, 0}, histories.state());
     for (int ping = 0; ping < pings_since; ++ping) {
       slots.push_back(histories.append(naive.append()));
     }
-    histories.succeed(std::move(heirs));
+    histories.commitResampling(std::move(prepared));
     naive.resample({1, 1, 3, 0});
     for (int ping = 0; ping < 3; ++ping) slots.push_back(histories.append(naive.append()));
     expectEqual(histories, naive, slots);

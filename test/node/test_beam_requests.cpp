@@ -56,7 +56,7 @@ class BeamRequests : public testing::Test {
   }
 
   Beams logOf(std::size_t particle) const {
-    return rbpf_core::blockFrom(filter_, particle, 0, filter_.beamsReleased());
+    return rbpf_core::blockFrom(filter_, particle, 0, filter_.snapshot().beamsReleased());
   }
 
   ParticleFilter filter_{rbpf_core::noisyParams(kParticles)};
@@ -77,7 +77,7 @@ Beams slice(const Beams& beams, std::size_t first, std::size_t size) {
 // ---- get_beams ---------------------------------------------------------------------------------
 
 TEST_F(BeamRequests, BlocksFollowOneAnotherInTheOrderOfTheParticles) {
-  const std::size_t n = filter_.beamsReleased();
+  const std::size_t n = filter_.snapshot().beamsReleased();
   const auto response = beams({2, 0, 3}, {5, n - 4, n}, 10);
   EXPECT_EQ(response.message, "");
   EXPECT_EQ(response.beams_in_log, n);
@@ -95,7 +95,7 @@ TEST_F(BeamRequests, AMapThatGoesOnWhereItStoppedTakesEveryBeamInOnceWhileTheLog
     const Beams sent = decoded(beams({1}, {taken.size()}, 37).beams);
     taken.insert(taken.end(), sent.begin(), sent.end());
   }
-  while (taken.size() < filter_.beamsReleased()) {
+  while (taken.size() < filter_.snapshot().beamsReleased()) {
     const Beams sent = decoded(beams({1}, {taken.size()}, 37).beams);
     ASSERT_FALSE(sent.empty());
     taken.insert(taken.end(), sent.begin(), sent.end());
@@ -104,7 +104,7 @@ TEST_F(BeamRequests, AMapThatGoesOnWhereItStoppedTakesEveryBeamInOnceWhileTheLog
 }
 
 TEST_F(BeamRequests, MapsThatHaveTakenInEverythingAreSentNothing) {
-  const std::size_t n = filter_.beamsReleased();
+  const std::size_t n = filter_.snapshot().beamsReleased();
   const auto response = beams({0, 1}, {n, n}, 100);
   EXPECT_EQ(response.message, "");
   EXPECT_EQ(response.counts, (Counts{0, 0}));
@@ -114,11 +114,11 @@ TEST_F(BeamRequests, MapsThatHaveTakenInEverythingAreSentNothing) {
 TEST_F(BeamRequests, TheWholeLogMayBeAskedForAtOnce) {
   const auto response = beams({0, 1, 2, 3}, {0, 0, 0, 0}, 2500000);
   EXPECT_EQ(response.message, "");
-  EXPECT_EQ(decoded(response.beams).size(), kParticles * filter_.beamsReleased());
+  EXPECT_EQ(decoded(response.beams).size(), kParticles * filter_.snapshot().beamsReleased());
 }
 
 TEST_F(BeamRequests, AreRefusedWithTheNameTheValueAndWhatWasExpected) {
-  const std::size_t n = filter_.beamsReleased();
+  const std::size_t n = filter_.snapshot().beamsReleased();
   const std::string log = std::to_string(n);
   const std::string beyond = std::to_string(n + 1);
   const std::map<std::string, GetBeams::Response> refused = {
@@ -154,7 +154,7 @@ TEST(BeamRequestsOfAnEmptyLog, AreRefusedAlike) {
 TEST_F(BeamRequests, MinibatchesFollowOneAnotherInTheOrderOfTheParticles) {
   const auto response = minibatchesOf(filter_, {3, 1}, 50);
   EXPECT_EQ(response.message, "");
-  EXPECT_EQ(response.beams_in_log, filter_.beamsReleased());
+  EXPECT_EQ(response.beams_in_log, filter_.snapshot().beamsReleased());
   ParticleFilter same(rbpf_core::noisyParams(kParticles));
   rbpf_core::sail(same, rbpf_core::turning, 0, 30);
   const Beams sent = decoded(response.beams);

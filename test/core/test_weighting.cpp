@@ -5,19 +5,19 @@
 #include <limits>
 #include <stdexcept>
 
-#include "rbpf_core/loop_closure.hpp"
 #include "rbpf_core/random.hpp"
 #include "rbpf_core/resampling.hpp"
+#include "rbpf_core/weighting.hpp"
 
 namespace rbpf_core {
 namespace {
 
 constexpr double kPrior_m2 = 4.0;
-constexpr double kMapped_m2 = 0.05;   // well below a quarter of the prior
+constexpr double kMapped_m2 = 0.05;   // far below the prior
 constexpr double kUnmapped_m2 = 3.9;  // hardly below the prior
 
-LoopClosureParams productRule() {
-  LoopClosureParams params;
+WeightingParams productRule() {
+  WeightingParams params;
   params.rule = WeightRule::kProduct;
   return params;
 }
@@ -30,7 +30,7 @@ struct Prompt {
              Eigen::ArrayXXd::Constant(particles, beams, kMapped_m2),
              Eigen::ArrayXd::Constant(particles, kPrior_m2)} {}
 
-  PingLikelihood likelihood(const LoopClosureParams& params = {}) const {
+  PingLikelihood likelihood(const WeightingParams& params = {}) const {
     return pingLikelihood(z_m, maps, params);
   }
 
@@ -51,7 +51,7 @@ Prompt randomPrompt(Eigen::Index particles, Eigen::Index beams) {
 
 TEST(ProductRule, IsTheSumOfLogNormalsWithQAddedOnce) {
   const Prompt prompt = randomPrompt(4, 30);
-  LoopClosureParams params = productRule();
+  WeightingParams params = productRule();
   params.noise_std_m = 0.7;
   const PingLikelihood likelihood = prompt.likelihood(params);
   EXPECT_EQ(likelihood.outcome, PromptOutcome::kWeighted);
@@ -112,7 +112,7 @@ TEST(RobustRule, IsTheScaledMeanOfStudentTLogLikelihoods) {
   Prompt prompt(2, 10);
   prompt.maps.mean_m.row(0) += 0.4;
   prompt.maps.mean_m.row(1) -= 0.8;
-  LoopClosureParams params;
+  WeightingParams params;
   params.noise_std_m = 0.3;
   params.effective_beams = 12.0;
   params.student_t_dof = 3.0;
@@ -212,11 +212,13 @@ TEST(RobustRule, SaysNothingOverSeabedThatIsNotMapped) {
 }
 
 TEST(RobustRule, MeasuresWhatIsMappedAgainstEachMapsOwnPrior) {
+  WeightingParams params;
+  params.mapped_variance = 0.25;
   Prompt prompt(2, 40);
   prompt.maps.variance_m2.setConstant(0.5);
-  EXPECT_EQ(prompt.likelihood().outcome, PromptOutcome::kWeighted);
+  EXPECT_EQ(prompt.likelihood(params).outcome, PromptOutcome::kWeighted);
   prompt.maps.prior_variance_m2.setConstant(1.0);  // 0.5 is now half of the prior
-  EXPECT_EQ(prompt.likelihood().outcome, PromptOutcome::kLittleOverlap);
+  EXPECT_EQ(prompt.likelihood(params).outcome, PromptOutcome::kLittleOverlap);
 }
 
 TEST(RobustRule, VetoesAPingThatNoParticleExplains) {
@@ -249,7 +251,7 @@ TEST(PingLikelihood, RefusesMalformedPredictions) {
   const auto expectRefused = [](const char* what, const auto& spoil) {
     Prompt prompt(3, 10);
     spoil(prompt);
-    for (const LoopClosureParams& params : {LoopClosureParams(), productRule()}) {
+    for (const WeightingParams& params : {WeightingParams(), productRule()}) {
       EXPECT_THROW(prompt.likelihood(params), std::invalid_argument) << what;
     }
   };
@@ -295,7 +297,7 @@ TEST(UpdateWeights, IsBayesRuleWhenNoTemperingIsNeeded) {
 TEST(UpdateWeights, AppliesTheGivenExponent) {
   Eigen::ArrayXd log_likelihood(2);
   log_likelihood << 0.0, std::log(16.0);
-  LoopClosureParams params = productRule();
+  WeightingParams params = productRule();
   params.tempering = 0.25;
   const WeightUpdate update = updateWeights(uniformLogWeights(2), log_likelihood, params);
   EXPECT_EQ(update.tempering, 0.25);
@@ -334,6 +336,13 @@ TEST(UpdateWeights, DoesNotTemperTheProductRule) {
     EXPECT_EQ(update.tempering, 1.0);
     EXPECT_NEAR(nEff(update.log_weights), 1.0, 1e-12);
     EXPECT_TRUE(update.log_weights.allFinite());  // vanished weights stay numbers
+  }
+}
+
+TEST(UpdateWeights, RefusesLikelihoodsOfAnotherNumberOfParticles) {
+  for (const WeightingParams& params : {WeightingParams(), productRule()}) {
+    EXPECT_THROW(updateWeights(uniformLogWeights(3), Eigen::ArrayXd::Zero(2), params),
+                 std::invalid_argument);
   }
 }
 

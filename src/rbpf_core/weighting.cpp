@@ -1,4 +1,4 @@
-#include "rbpf_core/loop_closure.hpp"
+#include "rbpf_core/weighting.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -38,7 +38,7 @@ void check(const Eigen::ArrayXd& z_m, const PingPrediction& prediction) {
 
 // sum_i log N(z_i; mu_ij, var_ij + Q)
 PingLikelihood productLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction& prediction,
-                                 const LoopClosureParams& params) {
+                                 const WeightingParams& params) {
   const Eigen::ArrayXXd residual = prediction.mean_m.rowwise() - z_m.transpose();
   const Eigen::ArrayXXd variance = prediction.variance_m2 + params.noise_std_m * params.noise_std_m;
   PingLikelihood result;
@@ -56,7 +56,7 @@ PingLikelihood productLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction
 // particle with hardly any voting beam gets the others' median:
 //   l_j = n_effective * overlap * mean_i -(nu + 1)/2 * log(1 + (z_i - mu_ij)^2 / (nu s_i^2))
 PingLikelihood robustLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction& prediction,
-                                const LoopClosureParams& params) {
+                                const WeightingParams& params) {
   const Eigen::ArrayXXd share_of_prior =
       prediction.variance_m2.colwise() / prediction.prior_variance_m2;
   const Eigen::ArrayXXd mapped = (share_of_prior < params.mapped_variance).cast<double>();
@@ -104,14 +104,18 @@ Eigen::ArrayXd tempered(const Eigen::ArrayXd& log_weights, const Eigen::ArrayXd&
 }  // namespace
 
 PingLikelihood pingLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction& prediction,
-                              const LoopClosureParams& params) {
+                              const WeightingParams& params) {
   check(z_m, prediction);
   return params.rule == WeightRule::kProduct ? productLikelihood(z_m, prediction, params)
                                              : robustLikelihood(z_m, prediction, params);
 }
 
 WeightUpdate updateWeights(const Eigen::ArrayXd& log_weights, const Eigen::ArrayXd& log_likelihood,
-                           const LoopClosureParams& params) {
+                           const WeightingParams& params) {
+  if (log_likelihood.size() != log_weights.size()) {
+    throw std::invalid_argument("likelihoods of " + std::to_string(log_likelihood.size()) +
+                                " particles, expected " + std::to_string(log_weights.size()));
+  }
   double tau = params.tempering;
   const auto nEff = [&](double t) {
     return effectiveParticles(tempered(log_weights, log_likelihood, t));
