@@ -257,9 +257,7 @@ def parameters(engine="svgp"):
     area = tuple((x + 1000.0, y - 7000.0) for x, y in AREA)
     group = {"inducing_points": 40, "minibatch_size": 60, "optimizer": "adam"}
     group["convergence"] = {"window": 4, "decay": 0.5}
-    return SimpleNamespace(
-        map=SimpleNamespace(engine=engine), survey_area=area, engine_group=group
-    )
+    return SimpleNamespace(map=SimpleNamespace(engine=engine), survey_area=area, engine_group=group)
 
 
 def test_factory_makes_equal_maps_about_the_survey_origin():
