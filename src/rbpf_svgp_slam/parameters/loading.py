@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Mapping, TypeVar
 
+from rbpf_svgp_slam.nested import flatten
 from rbpf_svgp_slam.parameters.engines import ENGINES
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 from rbpf_svgp_slam.parameters.rules import (
@@ -152,7 +153,7 @@ def validate_recorder(private: Mapping[str, Any]) -> RecorderParameters:
 def _refuse_unknown(tree: dict[str, Any]) -> None:
     known = default_parameters()
     # An engine that comes from elsewhere may have a group that is not in config/default.yaml.
-    engine = tree.get("map", {}).get("engine") if isinstance(tree.get("map"), dict) else None
+    engine = dict(flatten(tree)).get("map/engine")
     ours = {key: value for key, value in tree.items() if key in known or key != engine}
     for complaint in complaints(ours, known):
         raise ParameterError(f"{PARAMETERS}/{complaint}")
