@@ -3,10 +3,7 @@
 
 import sys
 
-import rospy
-
-from rbpf_svgp_slam.recorder.recorder import Recorder
+from rbpf_svgp_slam.recorder.recorder import start
 
 if __name__ == "__main__":
-    rospy.init_node("survey_recorder")
-    sys.exit(Recorder().run())
+    sys.exit(start())

@@ -20,7 +20,7 @@ def factory(survey_area: ArrayLike, **settings: Any) -> MapFactory:
     parameters = SimpleNamespace(
         map=SimpleNamespace(engine="svgp"),
         survey_area=survey_area,
-        svgp=SvgpConfig(**settings).as_dict(),
+        engine_group=SvgpConfig(**settings).as_dict(),
     )
     return make_factory(parameters)
 

@@ -30,3 +30,11 @@ def unknown_names(overlay: dict[str, Any], known: dict[str, Any], group: str = "
             yield f"{group}{name}"
         elif isinstance(value, dict) and isinstance(known[name], dict):
             yield from unknown_names(value, known[name], f"{group}{name}/")
+
+
+def all_names(tree: dict[str, Any], group: str = "") -> Iterator[str]:
+    """Names of all values and groups, with the groups that they are in."""
+    for name, value in tree.items():
+        yield f"{group}{name}"
+        if isinstance(value, dict):
+            yield from all_names(value, f"{group}{name}/")

@@ -227,6 +227,22 @@ def test_the_filters_history_has_a_panel_for_each_known_series(run):
     assert panels[1] == panels[2] and panels[0] == [*panels[1], "τ"]
 
 
+@pytest.mark.parametrize("share", [0.5, 0.25])
+def test_the_threshold_is_the_runs_own(run, share):
+    config = {**run.config, "resampling": {"threshold": share}}
+    figure, caption = track_figures.filter_history(without(run, config=config), None)
+    lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].get_lines()}
+    assert set(lines[f"threshold {share} J"]) == {share * run.statistics["particles"]}
+    assert f"the threshold below which they happen, {share} J" in caption
+
+
+@pytest.mark.parametrize("config", [{}, {"resampling": "systematic"}])
+def test_a_threshold_that_is_not_known_is_not_drawn(run, config):
+    figure, caption = track_figures.filter_history(without(run, config=config), None)
+    labels = [line.get_label() for line in figure.axes[0].get_lines()]
+    assert not any("threshold" in label for label in labels) and "threshold" not in caption
+
+
 def test_objective_curves_of_several_runs_share_one_axes():
     minutes = np.arange(50.0)
     curves = {f"J = {n}": (minutes, np.cos(minutes) + n) for n in (1, 10, 50, 100)}

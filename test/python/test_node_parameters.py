@@ -28,7 +28,7 @@ def test_the_shipped_parameters_are_accepted(tree):
     parameters = validate(tree)
     assert parameters.particles == tree["particles"]
     assert vars(parameters.map) == tree["map"]
-    assert parameters.svgp == tree["svgp"]
+    assert parameters.engine_group == tree["svgp"]
     factory = make_factory(parameters)
     assert factory.minibatch_size == tree["svgp"]["minibatch_size"]
     assert parameters.survey_area == ((0, 0), (40, 0), (0, 20))

@@ -21,7 +21,7 @@ def saved(tmp_path_factory):
     run = make_run()
     origin_m = np.array([50.0, 25.0])
     corners_m = np.array([[-60.0, -40.0], [60.0, -40.0], [60.0, 40.0], [-60.0, 40.0]])
-    engine = make_engine_class("svgp")(SvgpConfig(inducing_points=25), corners_m)
+    engine = make_engine_class("svgp")(SvgpConfig(inducing_points=25, optimizer="adam"), corners_m)
     for _ in range(20):
         engine.train_step((run.beams[::40] - [*origin_m, 0.0]).astype(np.float32), len(run.beams))
     frames = np.random.default_rng(0).random((3, 4, 5))

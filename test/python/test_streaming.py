@@ -50,7 +50,7 @@ def terrain(n, seed=0):
 
 def factory_for(config):
     parameters = SimpleNamespace(
-        map=SimpleNamespace(engine="svgp"), survey_area=AREA, svgp=config.as_dict()
+        map=SimpleNamespace(engine="svgp"), survey_area=AREA, engine_group=config.as_dict()
     )
     return make_factory(parameters)
 

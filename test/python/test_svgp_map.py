@@ -15,7 +15,7 @@ from rbpf_svgp_slam.svgp.parameters import Parameters
 from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
-SMALL = SvgpConfig(inducing_points=64, minibatch_size=200)
+SMALL = SvgpConfig(inducing_points=64, minibatch_size=200, optimizer="adam")
 
 
 def terrain(n=5000, seed=0, depth_m=30.0):
@@ -59,6 +59,7 @@ def test_untrained_map_is_the_prior():
 def test_one_inducing_point_decays_with_the_default_kernel():
     config = SvgpConfig(
         inducing_points=1,
+        optimizer="adam",
         lengthscale_m=4.0,
         learn_hyperparameters=False,
         learn_inducing_points=False,

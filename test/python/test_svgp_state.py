@@ -7,10 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rbpf_svgp_slam.maps import load_map, make_engine_class, make_factory
+from rbpf_svgp_slam.parameters.known import config_folder
 from rbpf_svgp_slam.svgp import state
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.optimizers import OPTIMIZERS
@@ -18,7 +20,11 @@ from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 AREA = [[-50.0, -30.0], [50.0, -30.0], [50.0, 30.0], [-50.0, 30.0]]
 CONFIG = SvgpConfig(
-    inducing_points=40, minibatch_size=60, convergence_window=4, convergence_decay=0.5
+    inducing_points=40,
+    minibatch_size=60,
+    optimizer="adam",
+    convergence_window=4,
+    convergence_decay=0.5,
 )
 
 
@@ -202,8 +208,9 @@ def test_a_map_of_another_optimizer_lacks_what_this_one_needs():
 # Settings and factory
 
 
-def test_defaults_are_the_papers():
-    config = SvgpConfig()
+def test_the_papers_overlay_is_the_papers():
+    paper = yaml.safe_load((config_folder() / "paper.yaml").read_text())
+    config = SvgpConfig.from_parameters(paper["svgp"])
     assert (config.inducing_points, config.minibatch_size) == (400, 1000)
     assert (config.kernel, config.optimizer, config.learning_rate) == ("matern12", "adam", 0.1)
 
@@ -232,7 +239,7 @@ def test_defaults_are_the_papers():
 )
 def test_settings_are_validated(name, value, expected):
     with pytest.raises(ValueError) as error:
-        SvgpConfig(**{name: value})
+        SvgpConfig(**{"optimizer": "adam", name: value})
     assert str(error.value).startswith(f"svgp/{name} is {value!r}; expected ")
     assert expected in str(error.value)
 
@@ -248,8 +255,9 @@ def test_settings_from_a_parameter_group():
 def parameters(engine="svgp"):
     """What a node passes on: the survey area in the map frame."""
     area = tuple((x + 1000.0, y - 7000.0) for x, y in AREA)
-    svgp = {"inducing_points": 40, "minibatch_size": 60, "convergence": {"window": 4, "decay": 0.5}}
-    return SimpleNamespace(map=SimpleNamespace(engine=engine), survey_area=area, svgp=svgp)
+    group = {"inducing_points": 40, "minibatch_size": 60, "optimizer": "adam"}
+    group["convergence"] = {"window": 4, "decay": 0.5}
+    return SimpleNamespace(map=SimpleNamespace(engine=engine), survey_area=area, engine_group=group)
 
 
 def test_factory_makes_equal_maps_about_the_survey_origin():

@@ -81,7 +81,7 @@ def make(training_class, optimizer, particles=3):
     parameters = SimpleNamespace(
         map=SimpleNamespace(engine="svgp"),
         survey_area=AREA,
-        svgp={**CONFIG.as_dict(), "optimizer": optimizer},
+        engine_group={**CONFIG.as_dict(), "optimizer": optimizer},
     )
     factory = make_factory(parameters)
     store = MapStore(0, particles, 1, factory)

@@ -8,15 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any, Sequence
 
-import rospkg
 import yaml
 
 from rbpf_svgp_slam.experiments import ExperimentError
 from rbpf_svgp_slam.experiments.figures import draw_experiment
 from rbpf_svgp_slam.experiments.plan import Options, experiment
-from rbpf_svgp_slam.experiments.runner import PACKAGE, run_experiment
+from rbpf_svgp_slam.experiments.runner import run_experiment
 from rbpf_svgp_slam.experiments.summary import read_rows, write_summary
-from rbpf_svgp_slam.nested import unknown_names
+from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 
 _DESCRIPTION = """Carry out one of the three experiments of Torroba et al. (2023) on a simulated
 survey: exp1 mapping only, exp2 live beside another load, exp3 SLAM. DIR gets the survey, a run
@@ -86,8 +85,7 @@ def _overlay(path: Path | None) -> dict[str, Any]:
         raise ExperimentError(f"{path}: expected a yaml file ({error})") from error
     if not isinstance(overlay, dict):
         raise ExperimentError(f"{path}: expected parameters by name, as in config/default.yaml")
-    default = Path(rospkg.RosPack().get_path(PACKAGE)) / "config" / "default.yaml"
     # The nodes check the values; a name that is wrong should not cost a simulation first.
-    for name in unknown_names(overlay, yaml.safe_load(default.read_text())):
-        raise ExperimentError(f"{path}: {name} is unknown, expected names of config/default.yaml")
+    for complaint in complaints(overlay, default_parameters()):
+        raise ExperimentError(f"{path}: {complaint}")
     return overlay

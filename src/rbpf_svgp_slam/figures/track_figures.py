@@ -16,6 +16,7 @@ from matplotlib.transforms import ScaledTranslation
 from rbpf_svgp_slam.figures import figure_style as style
 from rbpf_svgp_slam.metrics.evaluation import Evaluation
 from rbpf_svgp_slam.metrics.trajectory_errors import position_error
+from rbpf_svgp_slam.nested import flatten
 from rbpf_svgp_slam.run.survey_run import SurveyRun
 
 Drawn = "tuple[Figure, str] | None"
@@ -202,20 +203,30 @@ def filter_history(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     all_axes[0].set(title="The filter over time")
     all_axes[-1].set(xlabel="time (min)")
     figure.align_ylabels()
+    share = _resampling_threshold(run)
+    threshold = f" and the threshold below which they happen, {share:g} J" if share else ""
     return figure, (
-        "Effective number of particles with the instants of resampling, the running totals of "
-        "loop-closure prompts, resamplings and optimizer steps, how many maps were ready for "
-        "prompts, and the tempering τ of the last prompt's likelihood."
+        f"Effective number of particles with the instants of resampling{threshold}, the running "
+        "totals of loop-closure prompts, resamplings and optimizer steps, how many maps were ready "
+        "for prompts, and the tempering τ of the last prompt's likelihood."
     )
 
 
+def _resampling_threshold(run: SurveyRun) -> float | None:
+    """The run's resampling/threshold, a share of J; none where either of them is not known."""
+    share = dict(flatten(run.config)).get("resampling/threshold")
+    known = isinstance(share, (int, float)) and run.statistics.get("particles")
+    return float(share) if known else None
+
+
 def _mark_threshold(run: SurveyRun, axes: Axes) -> None:
-    """Mark the resamplings and the threshold J/2 below which they happen."""
+    """Mark the resamplings and the threshold below which they happen, where it is known."""
     axes.set_ylim(0, None)
-    particles = run.statistics.get("particles")
-    if particles:
+    share = _resampling_threshold(run)
+    if share:
         threshold = {"color": "#555555", "linestyle": "--", "linewidth": 0.9}
-        axes.axhline(particles / 2, label="threshold J/2", **threshold)
+        below = share * run.statistics["particles"]
+        axes.axhline(below, label=f"threshold {share:g} J", **threshold)
     _mark_resamplings(run, axes)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(**style.LEGEND_ABOVE)

@@ -16,8 +16,8 @@ from typing import Collection, Mapping, Sequence
 
 import rosgraph
 
-from rbpf_svgp_slam.map_node.start import load_parameters
-from rbpf_svgp_slam.parameters.loading import ParameterError
+from rbpf_svgp_slam.parameters.rules import ParameterError
+from rbpf_svgp_slam.parameters.server import load_parameters
 from rbpf_svgp_slam.protocol import names
 
 POLL_S = 0.5
@@ -42,7 +42,8 @@ def start_map_nodes(arguments: Sequence[str]) -> int | str:
     children: dict[int, subprocess.Popen] = {}
     try:
         _wait_for_core()
-        indices = share_of_host(options.first, options.count, load_parameters().nodes)
+        nodes = load_parameters("svgp_nodes").nodes
+        indices = share_of_host(options.first, options.count, nodes)
         _check_not_running(indices)
         children.update(
             (index, subprocess.Popen(_command(index), preexec_fn=_end_with_parent))

@@ -31,7 +31,7 @@ class MapPublisher:
 
     def __init__(self, store: MapStore, parameters: NodeParameters) -> None:
         self._store = store
-        self._frame = parameters.map_frame
+        self._frame = parameters.frames.map
         self._period_s = parameters.map.publish_period_s
         self._origin = survey_origin(parameters.survey_area)
         self._points = survey_grid(parameters.survey_area, parameters.map.resolution_m, MAX_POINTS)

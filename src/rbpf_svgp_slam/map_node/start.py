@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import rosgraph
-
 from rbpf_svgp_slam import cpu
-from rbpf_svgp_slam.parameters.loading import (
-    NodeParameters,
-    ParameterError,
-    validate,
-    validate_index,
-)
+from rbpf_svgp_slam.parameters.loading import NodeParameters, validate_index
+from rbpf_svgp_slam.parameters.rules import ParameterError
+from rbpf_svgp_slam.parameters.server import load_parameters
 from rbpf_svgp_slam.protocol import names
 
 
 def start() -> int | str:
     """Run the node until shutdown; returns what sys.exit() takes."""
     try:
-        parameters = load_parameters()
+        parameters = load_parameters("svgp_node")
         # Here already, because rospy loads a numerical library.
         cpu.prepare(parameters.map.threads)
         return _run(parameters)
@@ -25,19 +20,6 @@ def start() -> int | str:
         return f"svgp_node: {error}"
     except KeyboardInterrupt:
         return 0
-
-
-def load_parameters() -> NodeParameters:
-    """From the parameter server, relative to the namespace that the node is started in."""
-    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), names.PARAMETERS)
-    try:
-        tree = rosgraph.Master("/svgp_node").getParam(name)
-    except rosgraph.MasterError:
-        tree = {}
-    except OSError as error:
-        uri = rosgraph.get_master_uri()
-        raise ParameterError(f"no parameters: ROS master {uri} does not answer: {error}") from None
-    return validate(tree)
 
 
 def _run(parameters: NodeParameters) -> int:

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from rbpf_svgp_slam.maps.engine import MapEngine
+from rbpf_svgp_slam.parameters.engines import ENGINES
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
-
-#: Name under `map/engine`, which is also the engine's parameter group: module and class.
-ENGINES = {"svgp": ("rbpf_svgp_slam.svgp.svgp_map", "SvgpMap")}
 
 
 def make_engine_class(name: str) -> type[MapEngine]:
@@ -58,9 +56,9 @@ class MapFactory:
 
 
 def make_factory(parameters: Any) -> MapFactory:
-    """From a node's parameters: map.engine, survey_area (frame map, m) and the engine's group."""
+    """From a node's parameters: map.engine, survey_area (frame map, m) and engine_group."""
     engine = parameters.map.engine
-    config = make_engine_class(engine).config_class.from_parameters(getattr(parameters, engine))
+    config = make_engine_class(engine).config_class.from_parameters(parameters.engine_group)
     vertices = np.asarray(parameters.survey_area, dtype=float)
     return MapFactory(engine, config, vertices - survey_origin(vertices))
 

@@ -1,33 +1,44 @@
-"""Loads and validates the parameters of the map nodes.
+"""Validates the parameters of the Python nodes: map nodes, their launcher and the recorder.
 
-The core checks the groups that only it uses. Nothing is imported here that starts a numerical
-library: the number of threads, a parameter, must be known before.
+The core checks the values that only it uses; every name is checked here too. Nothing is imported
+here that starts a numerical library: the number of threads, a parameter, must be known before.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Mapping, TypeVar
 
+from rbpf_svgp_slam.nested import flatten
+from rbpf_svgp_slam.parameters.engines import ENGINES
+from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 from rbpf_svgp_slam.parameters.rules import (
+    MISSING,
+    ParameterError,
+    Polygon,
     Rule,
     at_least,
+    between,
+    checked,
     choice,
     group,
     integer,
     name,
+    of_type,
     polygon,
     positive,
 )
 from rbpf_svgp_slam.protocol.names import PARAMETERS
 
-MISSING = object()
-
-Polygon = tuple[tuple[float, float], ...]
+Group = TypeVar("Group")
 
 
-class ParameterError(ValueError):
-    """A parameter is unknown, missing, of the wrong type or out of range."""
+@dataclass(frozen=True)
+class FrameParameters:
+    """Of group `frames`."""
+
+    map: str
 
 
 @dataclass(frozen=True)
@@ -41,34 +52,58 @@ class MapParameters:
 
 
 @dataclass(frozen=True)
+class OutputParameters:
+    """Of group `output`."""
+
+    final_training_s: float
+    publish_rate_hz: float
+    time_lapse_period_s: float
+
+
+@dataclass(frozen=True)
 class NodeParameters:
-    """Everything that a map node is configured with."""
+    """Everything that the Python nodes are configured with."""
 
     particles: int
     nodes: int
     seed: int
     survey_area: Polygon  # vertices (x, y), frame map, m
-    map_frame: str
     resampling_timeout_s: float
+    frames: FrameParameters
     map: MapParameters
-    svgp: dict[str, Any]  # group `svgp`, for the engine of that name to check
+    output: OutputParameters
+    engine_group: dict[str, Any]  # named by map.engine, for the engine's settings to check
 
 
-# Every parameter under `map/`, and those of other groups that a map node needs. The engine's own
-# group is checked by the engine's settings.
-COMMON_RULES = {
+@dataclass(frozen=True)
+class RecorderParameters:
+    """Private parameters of the recorder."""
+
+    out_dir: Path  # the run folder
+    bag: str  # being replayed; empty: live
+    offline: bool  # the bag is read by rbpf_offline, not played
+    terrain_file: str  # the true seabed of a simulated survey; empty: not known
+
+
+RULES = {
     "particles": integer(1),
     "nodes": integer(1),
     "seed": integer(0, 2**31 - 1),
     "survey_area": polygon(),
     "frames/map": name(),
     "resampling/timeout_s": positive(),
+    "map/threads": integer(1),
+    "map/resolution_m": positive(),
+    "map/publish_period_s": at_least(0.0),
+    "output/final_training_s": at_least(0.0),
+    "output/publish_rate_hz": between(0.01, 100.0),
+    "output/time_lapse_period_s": at_least(0.0),
 }
-MAP_RULES = {
-    "engine": choice("svgp"),
-    "threads": integer(1),
-    "resolution_m": positive(),
-    "publish_period_s": at_least(0.0),
+RECORDER_RULES = {
+    "out": name("the path of the run folder"),
+    "bag": of_type(str),
+    "offline": of_type(bool),
+    "terrain": of_type(str),
 }
 
 
@@ -78,58 +113,64 @@ def validate(tree: dict[str, Any]) -> NodeParameters:
         raise ParameterError(
             f"{PARAMETERS} is not set; expected the parameters of config/default.yaml"
         )
-    common = {path: _value(tree, path, rule) for path, rule in COMMON_RULES.items()}
-    if common["nodes"] > common["particles"]:
+    _refuse_unknown(tree)
+    particles, nodes = _value(tree, "particles"), _value(tree, "nodes")
+    if nodes > particles:
         raise ParameterError(
-            f"{PARAMETERS}/nodes is {common['nodes']}; expected at most {common['particles']}, "
-            f"{PARAMETERS}/particles"
+            f"{PARAMETERS}/nodes is {nodes}; expected at most {particles}, {PARAMETERS}/particles"
         )
+    map_parameters = _group(tree, "map", MapParameters)
     return NodeParameters(
-        particles=common["particles"],
-        nodes=common["nodes"],
-        seed=common["seed"],
-        survey_area=common["survey_area"],
-        map_frame=common["frames/map"],
-        resampling_timeout_s=common["resampling/timeout_s"],
-        map=_map_parameters(tree),
-        svgp=_value(tree, "svgp", group()),
+        particles=particles,
+        nodes=nodes,
+        seed=_value(tree, "seed"),
+        survey_area=_value(tree, "survey_area"),
+        resampling_timeout_s=_value(tree, "resampling/timeout_s"),
+        frames=_group(tree, "frames", FrameParameters),
+        map=map_parameters,
+        output=_group(tree, "output", OutputParameters),
+        engine_group=_value(tree, map_parameters.engine, group()),
     )
 
 
 def validate_index(index: Any, nodes: int) -> int:
-    """The private parameter ~index."""
-    rule = integer(0, nodes - 1)
-    if not rule.accepts(index):
-        shown = "not set" if index is None else repr(index)
-        raise ParameterError(f"~index is {shown}; expected {rule.expected}")
-    return index
+    """The private parameter ~index of a map node; none: not set."""
+    return checked("~index", MISSING if index is None else index, integer(0, nodes - 1))
 
 
-def _map_parameters(tree: dict[str, Any]) -> MapParameters:
-    for unknown in set(_value(tree, "map", group())).difference(MAP_RULES):
-        raise ParameterError(
-            f"{PARAMETERS}/map/{unknown} is unknown; expected one of {', '.join(MAP_RULES)}"
-        )
-    return MapParameters(**{key: _value(tree, f"map/{key}", MAP_RULES[key]) for key in MAP_RULES})
+def validate_recorder(private: Mapping[str, Any]) -> RecorderParameters:
+    """The recorder's private parameters, by name without ~; raises ParameterError."""
+    given = {"out": MISSING, "bag": "", "offline": False, "terrain": "", **private}
+    values = {key: checked(f"~{key}", given[key], rule) for key, rule in RECORDER_RULES.items()}
+    return RecorderParameters(
+        out_dir=Path(values["out"]).expanduser(),
+        bag=values["bag"],
+        offline=values["offline"],
+        terrain_file=values["terrain"],
+    )
 
 
-def _value(tree: dict[str, Any], path: str, rule: Rule) -> Any:
+def _refuse_unknown(tree: dict[str, Any]) -> None:
+    known = default_parameters()
+    # An engine that comes from elsewhere may have a group that is not in config/default.yaml.
+    engine = dict(flatten(tree)).get("map/engine")
+    ours = {key: value for key, value in tree.items() if key in known or key != engine}
+    for complaint in complaints(ours, known):
+        raise ParameterError(f"{PARAMETERS}/{complaint}")
+
+
+def _group(tree: dict[str, Any], path: str, kind: type[Group]) -> Group:
+    _value(tree, path, group())
+    return kind(**{field.name: _value(tree, f"{path}/{field.name}") for field in fields(kind)})
+
+
+def _value(tree: dict[str, Any], path: str, rule: Rule | None = None) -> Any:
     value: Any = tree
     for part in path.split("/"):
         value = value.get(part, MISSING) if isinstance(value, dict) else MISSING
-    if value is MISSING:
-        raise ParameterError(f"{PARAMETERS}/{path} is not set; expected {rule.expected}")
-    if not rule.accepts(value):
-        raise ParameterError(
-            f"{PARAMETERS}/{path} is {value!r}; expected {rule.expected}{_hint(value)}"
-        )
-    return rule.convert(value)
+    return checked(f"{PARAMETERS}/{path}", value, rule or _rule(path))
 
 
-def _hint(value: Any) -> str:
-    """YAML 1.1 takes 1e-4 for text."""
-    try:
-        float(value if isinstance(value, str) else "")
-    except ValueError:
-        return ""
-    return "; this is text: in YAML write 1.0e-4, not 1e-4, and no quotes"
+def _rule(path: str) -> Rule:
+    # An engine may be registered after this module was loaded.
+    return choice(*ENGINES) if path == "map/engine" else RULES[path]

@@ -1,10 +1,19 @@
-"""What a parameter's value must be."""
+"""What a parameter's value must be, and the one wording in which it is told what was expected."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from typing import Any, Callable
+
+#: Vertices (x, y), frame map, m.
+Polygon = tuple[tuple[float, float], ...]
+#: Stands for the value of a parameter that is not set.
+MISSING = object()
+
+
+class ParameterError(ValueError):
+    """A parameter is unknown, missing, of the wrong type or out of range."""
 
 
 @dataclass(frozen=True)
@@ -14,6 +23,22 @@ class Rule:
     expected: str
     accepts: Callable[[Any], bool]
     convert: Callable[[Any], Any] = lambda value: value
+    first: "Rule | None" = None  # where this is broken already, it is told instead
+
+    def unmet(self, value: Any) -> str:
+        """What was expected of a value that is refused; empty if it is accepted."""
+        before = self.first.unmet(value) if self.first else ""
+        return before or ("" if self.accepts(value) else self.expected)
+
+
+def checked(name: str, value: Any, rule: Rule) -> Any:
+    """The value as its rule converts it; raises ParameterError."""
+    if value is MISSING:
+        raise ParameterError(f"{name} is not set; expected {rule.expected}")
+    expected = rule.unmet(value)
+    if expected:
+        raise ParameterError(f"{name} is {value!r}; expected {expected}{_hint(value)}")
+    return rule.convert(value)
 
 
 def integer(least: int, most: float = math.inf) -> Rule:
@@ -32,9 +57,26 @@ def at_least(least: float) -> Rule:
     return Rule(expected, lambda value: _is_number(value) and value >= least, float)
 
 
+def between(least: float, most: float) -> Rule:
+    """A number in [least, most]."""
+    expected = f"a number from {least:g} to {most:g}"
+    return Rule(expected, lambda value: _is_number(value) and least <= value <= most, float)
+
+
 def positive() -> Rule:
     """A finite number in (0, inf)."""
     return Rule("a number above 0", lambda value: _is_number(value) and value > 0, float)
+
+
+def of_type(kind: type) -> Rule:
+    """A value of just this type; a whole number is a good float."""
+    kinds = (float, int) if kind is float else (kind,)
+    return Rule(f"a value of type {kind.__name__}", lambda value: type(value) in kinds, kind)
+
+
+def finite() -> Rule:
+    """A number, neither infinite nor NaN."""
+    return Rule("a finite number", math.isfinite, float, first=of_type(float))
 
 
 def choice(*options: str) -> Rule:
@@ -47,9 +89,9 @@ def group() -> Rule:
     return Rule("a group of parameters", lambda value: isinstance(value, dict))
 
 
-def name() -> Rule:
+def name(expected: str = "a name") -> Rule:
     """A text that is not empty."""
-    return Rule("a name", lambda value: isinstance(value, str) and bool(value))
+    return Rule(expected, lambda value: isinstance(value, str) and bool(value))
 
 
 def polygon() -> Rule:
@@ -78,3 +120,12 @@ def _is_polygon(value: Any) -> bool:
     following = value[1:] + value[:1]
     # Shoelace formula.
     return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(value, following)) != 0
+
+
+def _hint(value: Any) -> str:
+    """YAML 1.1 takes 1e-4 for text."""
+    try:
+        float(value if isinstance(value, str) else "")
+    except ValueError:
+        return ""
+    return "; this is text: in YAML write 1.0e-4, not 1e-4, and no quotes"

@@ -11,6 +11,7 @@ import rospy
 from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.metrics.map_metrics import predict_in_chunks
 from rbpf_svgp_slam.msg import FilterStatus
+from rbpf_svgp_slam.parameters.rules import Polygon
 from rbpf_svgp_slam.recorder.map_sample import sampled_map_rmse
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.survey_client import fetch_map, fetch_survey
@@ -31,9 +32,9 @@ def assemble_run(recording: Recording, pings_lost: int) -> SurveyRun:
     survey = fetch_survey()
     _save_trajectories(recording.out_dir, survey)
     stored = StoredMap(
-        parameters["map"]["engine"],
-        fetch_map(status.best_particle, status.epoch, parameters["particles"], parameters["nodes"]),
-        survey_origin(parameters["survey_area"]),
+        parameters.map.engine,
+        fetch_map(status.best_particle, status.epoch, parameters.particles, parameters.nodes),
+        survey_origin(parameters.survey_area),
     )
     engine = load_map(stored.engine, stored.state)
     predict = engine_predictor(engine, stored.origin_m)
@@ -50,7 +51,7 @@ def assemble_run(recording: Recording, pings_lost: int) -> SurveyRun:
         levelled=survey.levelled,
         ping_of_beam=survey.ping_of_beam,
         held_out=survey.held_out,
-        map=_grid(parameters["survey_area"], parameters["map"]["resolution_m"], predict),
+        map=_grid(parameters.survey_area, parameters.map.resolution_m, predict),
         predict=predict,
         noise_variance_m2=engine.noise_variance_m2,
         inducing_points=engine.support_points() + np.append(stored.origin_m, 0.0),
@@ -59,7 +60,7 @@ def assemble_run(recording: Recording, pings_lost: int) -> SurveyRun:
         statistics=_statistics(recording, survey, pings_lost),
         status_history=recording.history.series(),
         time_lapse=recording.time_lapse.frames(),
-        config=parameters,
+        config=recording.parameter_tree,
     )
     run.statistics["sampled_map_rmse_m"] = sampled_map_rmse(run, status)
     return run
@@ -72,7 +73,7 @@ def _save_trajectories(out_dir: Path, survey: Any) -> None:
     write_tum(out_dir / "dead_reckoning.tum", survey.stamp_s, survey.dead_reckoning)
 
 
-def _grid(area: list, resolution_m: float, predict: Any) -> GridMap:
+def _grid(area: Polygon, resolution_m: float, predict: Any) -> GridMap:
     """Mean and variance over the survey area; NaN outside."""
     x, y = cell_centres(area, resolution_m)
     points = grid_points(x, y)
@@ -91,7 +92,7 @@ def _statistics(recording: Recording, survey: Any, pings_lost: int) -> dict[str,
     return {
         "particles": status.particles,
         "nodes": status.nodes,
-        "seed": recording.parameters["seed"],
+        "seed": recording.parameters.seed,
         "terrain": recording.terrain_file or None,
         "pings": int(status.pings),
         "pings_dropped": dropped,

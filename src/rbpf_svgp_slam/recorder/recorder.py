@@ -6,7 +6,7 @@ It alone listens to the ground truth, which the filter must never see.
 from __future__ import annotations
 
 import time
-from pathlib import Path
+from typing import Any
 
 import rosbag
 import rospy
@@ -19,12 +19,16 @@ from std_srvs.srv import Trigger, TriggerResponse
 from rbpf_svgp_slam.evaluation.report import write_run
 from rbpf_svgp_slam.evaluation.result_lines import summarise
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.parameters.loading import RecorderParameters, validate, validate_recorder
+from rbpf_svgp_slam.parameters.rules import ParameterError
+from rbpf_svgp_slam.parameters.server import parameter_tree
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.recorder.assembly import assemble_run
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 
+NAME = "survey_recorder"
 POLL_S = 0.1
 PATH_PERIOD_S = 1.0
 PATH_POSES = 4000
@@ -33,22 +37,36 @@ STATUS_PATIENCE_S = 10.0
 FAILURES = (RuntimeError, ValueError, OSError, rosbag.ROSBagException, rospy.ServiceException)
 
 
+def start() -> int | str:
+    """Run the recorder to the survey's end; returns what sys.exit() takes."""
+    rospy.init_node(NAME)
+    try:
+        private = validate_recorder(rospy.get_param(rospy.get_name(), {}))
+        recorder = Recorder(private, parameter_tree(NAME))
+    except ParameterError as error:
+        return f"{NAME}: {error}"
+    return recorder.run()
+
+
 class Recorder:
     """Keeps the ground truth and the filter's status; see run()."""
 
-    def __init__(self) -> None:
-        parameters = rospy.get_param(names.PARAMETERS)
+    def __init__(self, private: RecorderParameters, tree: dict[str, Any]) -> None:
+        """tree: all parameters below `rbpf_svgp_slam/`; raises ParameterError."""
+        parameters = validate(tree)
+        self._private = private
         self._recording = Recording(
-            out_dir=Path(rospy.get_param("~out")).expanduser(),
+            out_dir=private.out_dir,
             parameters=parameters,
-            terrain_file=rospy.get_param("~terrain", ""),
+            parameter_tree=tree,
+            terrain_file=private.terrain_file,
             time_lapse=TimeLapseRecorder(parameters),
         )
         self._started_s: float | None = None  # wall clock, at the first odometry
-        nodes = range(parameters["nodes"])
+        nodes = range(parameters.nodes)
         # Statuses by sender.
         self._heard = {names.CORE: 0, **{names.map_node(k): 0 for k in nodes}}
-        self._map_frame = parameters["frames"]["map"]
+        self._map_frame = parameters.frames.map
         self._path = rospy.Publisher("ground_truth_path", PathMessage, queue_size=1, latch=True)
         self._next_path_s = 0.0
         self._saving = False
@@ -80,11 +98,11 @@ class Recorder:
         return 0
 
     def _source(self) -> PlayedBag | OfflineReplay | None:
-        bag = rospy.get_param("~bag", "")
+        bag = self._private.bag
         if not bag:
             return None
         topics = {name: rospy.resolve_name(name) for name in ("odom", "mbes/pings")}
-        if not rospy.get_param("~offline", False):
+        if not self._private.offline:
             return PlayedBag(bag, topics["odom"], topics["mbes/pings"])
         source = OfflineReplay(bag, topics["odom"], topics["mbes/pings"])
         for message in source.messages(rospy.resolve_name("ground_truth")):
@@ -115,7 +133,7 @@ class Recorder:
     def _finish_survey(self) -> None:
         rospy.ServiceProxy(names.FINISH, Trigger)()
         self._recording.wall_s = time.monotonic() - (self._started_s or time.monotonic())
-        rest_s = float(self._recording.parameters["output"]["final_training_s"])
+        rest_s = self._recording.parameters.output.final_training_s
         rospy.loginfo("Survey over; training on the whole log for %.0f s more.", rest_s)
         end_s = time.monotonic() + rest_s
         while time.monotonic() < end_s and not rospy.is_shutdown():
@@ -124,9 +142,7 @@ class Recorder:
     def _await_last_words(self) -> None:
         """Two more statuses of everybody: what is on its way now may be from before the end."""
         before = self._heard.copy()
-        patience_s = (
-            STATUS_PATIENCE_S + 2.0 / self._recording.parameters["output"]["publish_rate_hz"]
-        )
+        patience_s = STATUS_PATIENCE_S + 2.0 / self._recording.parameters.output.publish_rate_hz
         give_up_s = time.monotonic() + patience_s
         silent = list(before)
         while silent and time.monotonic() < give_up_s and not rospy.is_shutdown():

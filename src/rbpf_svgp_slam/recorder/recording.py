@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.recorder.history import History
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 
@@ -16,7 +17,8 @@ class Recording:
     """Grows while the survey goes on."""
 
     out_dir: Path
-    parameters: dict[str, Any]  # the full set
+    parameters: NodeParameters
+    parameter_tree: dict[str, Any]  # the full set, as the run folder keeps it
     terrain_file: str  # the true seabed of a simulated survey; empty: not known
     time_lapse: TimeLapseRecorder
     ground_truth: list[tuple[float, ...]] = field(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import rospy
 
 from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.msg import FilterStatus
+from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.recorder.survey_client import fetch_map
 from rbpf_svgp_slam.run.survey_run import TimeLapse
 from rbpf_svgp_slam.srv import GetMapsRequest
@@ -28,14 +27,14 @@ class TimeLapseRecorder:
     dropped, and from then on they are taken half as often.
     """
 
-    def __init__(self, parameters: dict[str, Any]) -> None:
-        self._parameters = parameters
-        self._period_s = float(parameters["output"]["time_lapse_period_s"])
+    def __init__(self, parameters: NodeParameters) -> None:
+        self._engine = parameters.map.engine
+        self._period_s = parameters.output.time_lapse_period_s
         self._next_s = -np.inf  # stamp from which on a frame is due
         self._frames: list[tuple[float, np.ndarray]] = []  # stamp, mean [nx, ny]
-        area = np.asarray(parameters["survey_area"], dtype=float)
+        area = np.asarray(parameters.survey_area, dtype=float)
         resolution_m = max(
-            float(parameters["map"]["resolution_m"]),
+            parameters.map.resolution_m,
             float(np.sqrt(np.prod(np.ptp(area, axis=0)) / MAX_CELLS)),
         )
         self._origin_m = survey_origin(area)
@@ -64,7 +63,7 @@ class TimeLapseRecorder:
         # Its epoch may have gone on since that status.
         epoch = GetMapsRequest.ANY_EPOCH
         data = fetch_map(status.best_particle, epoch, status.particles, status.nodes)
-        engine = load_map(self._parameters["map"]["engine"], data)
+        engine = load_map(self._engine, data)
         mean = np.full(len(self._inside), np.nan, dtype=np.float32)
         mean[self._inside], _ = engine.predict(self._points)
         return mean.reshape(len(self._x), len(self._y))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rbpf_svgp_slam.parameters.loading import Polygon
+from rbpf_svgp_slam.parameters.rules import Polygon
 from rbpf_svgp_slam.survey_area.polygon import inside
 
 

@@ -1,16 +1,24 @@
-"""Settings of an SVGP map: units, defaults, where they come from, and their validation."""
+"""Settings of an SVGP map: units, where they come from, and their validation.
+
+The defaults are those of config/default.yaml, which explains them; a test holds the two together.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Callable, Iterable, Mapping, Tuple
+from typing import Any, Mapping
 
+from rbpf_svgp_slam.parameters.rules import (
+    ParameterError,
+    Rule,
+    checked,
+    choice,
+    finite,
+    of_type,
+)
 from rbpf_svgp_slam.svgp.kernels import KERNELS
 from rbpf_svgp_slam.svgp.parameters import FLOORS
-
-#: Whether a value is accepted, and which ones are.
-Rule = Tuple[Callable[[Any], bool], str]
 
 #: σ, m, at the floor of σ².
 SMALLEST_NOISE_STD_M = math.sqrt(FLOORS[2])
@@ -18,50 +26,52 @@ SMALLEST_NOISE_STD_M = math.sqrt(FLOORS[2])
 
 def _above(low: float, or_zero: bool = False) -> Rule:
     expected = f"{'0 or ' if or_zero else ''}a number above {low:g}"
-    return lambda value: value > low or (or_zero and value == 0.0), expected
+    return Rule(
+        expected, lambda value: value > low or (or_zero and value == 0.0), float, first=finite()
+    )
 
 
-def _one_of(names: Iterable[str], note: str = "") -> Rule:
-    return lambda value: value in names, f"one of {', '.join(names)}{note}"
-
-
-_COUNT = (lambda value: value >= 1, "a whole number from 1")
-_SHARE = (lambda value: 0.0 < value < 1.0, "a number between 0 and 1")
+_COUNT = Rule("a whole number from 1", lambda value: value >= 1, first=of_type(int))
+_SHARE = Rule("a number between 0 and 1", lambda value: 0.0 < value < 1.0, float, first=finite())
+_RATE = Rule("a number above 0, up to 1", lambda value: 0.0 < value <= 1.0, float, first=finite())
 
 #: By setting.
 RULES: dict[str, Rule] = {
     "inducing_points": _COUNT,
     "minibatch_size": _COUNT,
-    "kernel": _one_of(KERNELS),
-    "optimizer": _one_of(["adam", "natgrad", "streaming"]),
+    "kernel": choice(*KERNELS),
+    "optimizer": choice("adam", "natgrad", "streaming"),
     "learning_rate": _above(0.0),
-    "natgrad_rate": (lambda value: 0.0 < value <= 1.0, "a number above 0, up to 1"),
+    "natgrad_rate": _RATE,
     "natgrad_model_period": _COUNT,
     "natgrad_inducing_rate": _above(0.0),
     "natgrad_hyperparameter_rate": _above(0.0),
     "natgrad_cooling_steps": _COUNT,
+    "shared_hyperparameters": of_type(bool),
     "streaming_tolerance": _above(0.0),
     "streaming_rebuild_beams": _COUNT,
     "lengthscale_m": _above(FLOORS[0], or_zero=True),
     "outputscale_m2": _above(FLOORS[1]),
     "noise_std_m": _above(SMALLEST_NOISE_STD_M),
     "jitter": _SHARE,
+    "learn_inducing_points": of_type(bool),
+    "learn_hyperparameters": of_type(bool),
     "convergence_decay": _SHARE,
     "convergence_window": _COUNT,
     "convergence_tolerance": _above(0.0),
-    "device": _one_of(["cpu", "cuda"]),
-    "dtype": _one_of(["float32", "float64"]),
+    "device": choice("cpu", "cuda"),
+    "dtype": choice("float32", "float64"),
 }
 
 
 @dataclass(frozen=True)
 class SvgpConfig:
-    """Torroba et al. 2023, Table 1, where a default is marked with (paper)."""
+    """The defaults are Torroba et al.'s (2023, Table 1) where they are marked with (paper)."""
 
     inducing_points: int = 400  #: S (paper)
     minibatch_size: int = 1000  #: M, beams per step (paper)
     kernel: str = "matern12"  #: k(r) = o·exp(−r/ℓ) (paper); matern32, matern52
-    optimizer: str = "adam"  #: (paper)
+    optimizer: str = "streaming"  #: adam (paper), natgrad, streaming
     learning_rate: float = 0.1  #: of the optimizer adam, for all parameters (paper)
     natgrad_rate: float = 0.1  #: of natural-gradient steps: the newest minibatch's share of q(v)
     natgrad_model_period: int = 1  #: steps from one update of Z, ℓ, o, σ² and c to the next
@@ -95,15 +105,13 @@ class SvgpConfig:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            self._convert(field.name, field.type)
-            accepts, expected = RULES.get(field.name, (lambda value: True, ""))
-            self._expect(field.name, accepts(getattr(self, field.name)), expected)
-        shares = self.shared_hyperparameters
-        self._expect(
-            "shared_hyperparameters",
-            not shares or self.optimizer == "natgrad",
+            value = checked(f"svgp/{field.name}", getattr(self, field.name), RULES[field.name])
+            object.__setattr__(self, field.name, value)
+        can_share = Rule(
             f"false with optimizer {self.optimizer}: natgrad can share, streaming always does",
+            lambda shares: not shares or self.optimizer == "natgrad",
         )
+        checked("svgp/shared_hyperparameters", self.shared_hyperparameters, can_share)
 
     @classmethod
     def from_parameters(cls, tree: Mapping[str, Any]) -> "SvgpConfig":
@@ -117,22 +125,9 @@ class SvgpConfig:
         known = [field.name for field in fields(cls)]
         for name in flat:
             if name not in known:
-                raise ValueError(f"svgp/{name} is unknown; expected one of {', '.join(known)}")
+                raise ParameterError(f"svgp/{name} is unknown; expected one of {', '.join(known)}")
         return cls(**flat)
 
     def as_dict(self) -> dict[str, Any]:
         """Name and value of each setting."""
         return asdict(self)
-
-    def _convert(self, name: str, type_name: str) -> None:
-        """Whole numbers are good floats; everything else has to have its own type."""
-        value = getattr(self, name)
-        if type_name == "float" and type(value) is int:
-            value = float(value)
-            object.__setattr__(self, name, value)
-        self._expect(name, type(value).__name__ == type_name, f"a value of type {type_name}")
-        self._expect(name, type_name != "float" or math.isfinite(value), "a finite number")
-
-    def _expect(self, name: str, condition: bool, expected: str) -> None:
-        if not condition:
-            raise ValueError(f"svgp/{name} is {getattr(self, name)!r}; expected {expected}")
