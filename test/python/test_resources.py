@@ -60,8 +60,8 @@ def test_usage_is_read_back(tmp_path):
 
 def test_the_other_load_is_busy_for_its_share():
     with busy_core(0.5):
-        (child,) = [c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())]
         time.sleep(1.5)  # its start
+        (child,) = [c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())]
         before, start_s = child.cpu_times(), time.monotonic()
         time.sleep(4.0)
         after, elapsed_s = child.cpu_times(), time.monotonic() - start_s
