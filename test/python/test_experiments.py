@@ -10,7 +10,7 @@ import pytest
 import rospkg
 import yaml
 
-from rbpf_svgp_slam.experiments import ExperimentError, cli, plan, runner, summary
+from rbpf_svgp_slam.experiments import ExperimentError, experiment_command, plan, runner, summary
 from rbpf_svgp_slam.experiments.resources import Usage
 from rbpf_svgp_slam.simulation.mission import MISSIONS
 
@@ -98,7 +98,7 @@ def test_mistakes_are_told_in_one_line(arguments, message, tmp_path, capsys, mon
     monkeypatch.setattr(
         runner.subprocess, "run", lambda *_, **__: subprocess.CompletedProcess([], 2)
     )
-    assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 2
+    assert experiment_command.main([*arguments, "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert message in error and error.count("\n") == 1
 
@@ -107,14 +107,17 @@ def test_an_overlay_that_is_no_set_of_parameters_is_named(tmp_path, capsys):
     for text in ("- 1\n", "a: [\n"):
         path = tmp_path / "mine.yaml"
         path.write_text(text)
-        assert cli.main(["exp1", "--config", str(path), "--out", str(tmp_path)]) == 2
+        assert experiment_command.main(["exp1", "--config", str(path), "--out", str(tmp_path)]) == 2
         assert "mine.yaml" in capsys.readouterr().err
 
 
 def test_an_overlays_unknown_names_are_told_before_anything_is_done(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     path.write_text("particles: 3\nlc: {rate_hz: 0.1, rate: 2}\n")
-    assert cli.main(["exp1", "--config", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert (
+        experiment_command.main(["exp1", "--config", str(path), "--out", str(tmp_path / "out")])
+        == 2
+    )
     assert "mine.yaml: lc/rate is unknown" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
