@@ -3,7 +3,7 @@
 
 import sys
 
-from rbpf_svgp_slam.experiments.cli import main
+from rbpf_svgp_slam.experiments.experiment_command import main
 
 if __name__ == "__main__":
     sys.exit(main())

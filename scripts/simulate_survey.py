@@ -3,7 +3,7 @@
 
 import sys
 
-from rbpf_svgp_slam.simulation.cli import main
+from rbpf_svgp_slam.simulation.simulate_command import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -40,14 +40,8 @@ fi
 echo "Building (a few minutes the first time, seconds after that) ..."
 cmake --build build --parallel "$(nproc)" >build/build.log 2>&1 || { cat build/build.log; exit 1; }
 
-# What evaluation and figures need and Debian does not have; where setup.bash lets python find it.
-packages_dir=build/devel/lib/python3/dist-packages
-if ! cmp -s tools/requirements.txt "$packages_dir/requirements.txt"; then
-  echo "Installing tools/requirements.txt ..."
-  python3 -m pip install --quiet --disable-pip-version-check --root-user-action ignore \
-    --no-deps --upgrade --target "$packages_dir" -r tools/requirements.txt
-  cp tools/requirements.txt "$packages_dir/requirements.txt"
-fi
+# What evaluation and figures need and Debian does not have.
+tools/requirements.sh build/devel/lib/python3/dist-packages
 
 # A virtual environment with what a file of requirements asks for, made anew when that changes.
 #   environment FOLDER REQUIREMENTS [OPTION OF venv ...]
@@ -62,6 +56,12 @@ environment() {
 }
 if $test; then
   environment build/venv tools/requirements-test.txt
+  wheels=build/wheels  # of evo and cmocean, for other workspaces
+  if ! cmp -s tools/requirements.txt "$wheels/requirements.txt"; then
+    python3 -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$wheels" \
+      -r tools/requirements.txt
+    cp tools/requirements.txt "$wheels/requirements.txt"
+  fi
 fi
 if $bench; then
   environment build/bench/newest tools/requirements-bench-newest.txt

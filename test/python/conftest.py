@@ -11,3 +11,19 @@ def keep_denormals():
     yield
     if "torch" in sys.modules:
         sys.modules["torch"].set_flush_denormal(False)
+
+
+@pytest.fixture(scope="module")
+def run():
+    """The made-up survey with known errors, as a run in memory."""
+    from made_up_survey import make_run
+
+    return make_run()
+
+
+@pytest.fixture(scope="session")
+def demo_truth():
+    """A quarter of the demo: mission, terrain, waypoints and the vehicle's true trajectory."""
+    from small_survey import quarter_of_the_demo
+
+    return quarter_of_the_demo()

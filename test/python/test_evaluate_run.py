@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_evaluation import make_run, random_tracks
+from made_up_survey import random_tracks
 
 from rbpf_svgp_slam.evaluation.evaluate_run import NO_EVO, main
 from rbpf_svgp_slam.evaluation.report import write_run
@@ -28,11 +28,6 @@ EVO_ERRORS = tuple(
     for prefix in ("", "dr_")
     for name in ("ate_rmse_m", "ate_aligned_rmse_m", "rpe_rmse_m")
 )
-
-
-@pytest.fixture(scope="module")
-def run():
-    return make_run()
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import psutil
 import pytest
 import yaml
 
-from rbpf_svgp_slam.experiments import cli, runner
+from rbpf_svgp_slam.experiments import experiment_command, runner
 from rbpf_svgp_slam.experiments.resources import Usage
 
 # Maps that cost little; all else, J and B above all, is as at full length.
@@ -29,7 +29,9 @@ def run(name, tmp_path_factory, *options, **overlay):
     config.write_text(yaml.safe_dump({**SMALL, **overlay}))
     out = folder / "out"
     arguments = [name, "--out", str(out), "--config", str(config), *options]
-    assert cli.main(arguments) == 0, [log.read_text()[-2000:] for log in out.glob("*/launch.log")]
+    assert experiment_command.main(arguments) == 0, [
+        log.read_text()[-2000:] for log in out.glob("*/launch.log")
+    ]
     return out, {
         path.parent.name: json.loads(path.read_text()) for path in out.glob("*/report.json")
     }
@@ -88,7 +90,7 @@ def test_what_is_there_is_kept(mapping, capsys, monkeypatch):
     monkeypatch.setattr(runner, "_run", lambda *_: pytest.fail("run again"))
     config = out.parent / "small.yaml"
     again = ["exp1", "--out", str(out), "--config", str(config), "--scale", "0.01"]
-    assert cli.main([*again, "--only", "J1_B1"]) == 0
+    assert experiment_command.main([*again, "--only", "J1_B1"]) == 0
     assert "already there" in capsys.readouterr().out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
-from test_evaluation import lawn_mower, make_run, without
+from made_up_survey import lawn_mower, make_run, without
 
 from rbpf_svgp_slam.evaluation import page
 from rbpf_svgp_slam.evaluation.report import write_report

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from test_evaluation import make_run
+from made_up_survey import make_run
 
 from rbpf_svgp_slam.evaluation.report import write_run
 from rbpf_svgp_slam.maps import make_engine_class

@@ -29,7 +29,7 @@ def read_pings(path):
 
 def command(*arguments):
     pytest.importorskip("rosbag", reason="rosbag is not installed")
-    from rbpf_svgp_slam.simulation.cli import main
+    from rbpf_svgp_slam.simulation.simulate_command import main
 
     return main([str(argument) for argument in arguments])
 

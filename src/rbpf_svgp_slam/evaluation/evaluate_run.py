@@ -46,8 +46,8 @@ _REPORT_TOLERANCE = {"rel_tol": 1e-3, "abs_tol": 1e-9}
 
 #: Said where evo cannot be imported.
 NO_EVO = (
-    "evo: not installed, so that its column is empty ({error}). tools/setup.sh installs it; "
-    "elsewhere: python3 -m pip install --no-deps evo==1.26.3"
+    "evo: not installed, so that its column is empty ({error}). tools/requirements.sh installs "
+    "it; elsewhere: python3 -m pip install --no-deps evo==1.26.3"
 )
 
 

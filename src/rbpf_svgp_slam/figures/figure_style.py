@@ -55,7 +55,7 @@ DEPTH_LABEL = "z (m)"
 def field_colour_map(name: str, fallback: str) -> Colormap:
     """Return cmocean's colour map of that name, or matplotlib's `fallback` without cmocean.
 
-    Only tools/setup.sh installs cmocean; a catkin workspace may be built without it.
+    Debian does not have cmocean, tools/requirements.sh installs it: a workspace may be without it.
     """
     try:
         from cmocean import cm

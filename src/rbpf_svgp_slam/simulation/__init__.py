@@ -1,6 +1,6 @@
 """A seeded simulator of multibeam surveys: terrain, vehicle, sonar and dead reckoning.
 
-Only `cli` needs ROS: it writes a bag.
+Only `simulate_command` needs ROS: it writes a bag.
 """
 
 

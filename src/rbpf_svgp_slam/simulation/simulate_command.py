@@ -1,4 +1,4 @@
-"""The command line of the survey simulator."""
+"""The command line of simulate_survey.py."""
 
 import argparse
 import dataclasses

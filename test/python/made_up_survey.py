@@ -1,0 +1,129 @@
+"""A made-up survey with known errors, for the tests of metrics, reports and figures."""
+
+import dataclasses
+
+import numpy as np
+
+from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
+
+NOISE_M = 0.1
+# Sums of doubles of order 100 m: a few thousand roundings of 1e-14 m.
+ROUNDING_M = 1e-9
+
+
+def seabed(xy):
+    """Ripples and a mound, z in m [n] at xy [n, 2] m."""
+    x, y = np.asarray(xy, dtype=float).T
+    mound = 4 * np.exp(-((x - 60) ** 2 + (y - 25) ** 2) / 300)
+    return -25 + mound + 0.7 * np.sin(x / 2.5) * np.cos(y / 3)
+
+
+def lawn_mower(lines=6, length_m=100.0, spacing_m=10.0, step_m=0.75):
+    """Poses [P, 6] every step_m along parallel lines joined by half circles, at z = -10 m."""
+    pieces = []
+    arc = np.linspace(-np.pi / 2, np.pi / 2, int(np.pi * spacing_m / 2 / step_m))[1:-1]
+    radius_m = spacing_m / 2
+    for i in range(lines):
+        x = np.arange(0, length_m, step_m)
+        straight = np.column_stack([x, np.full(len(x), i * spacing_m)])
+        turn = np.column_stack([length_m + radius_m * np.cos(arc), radius_m * np.sin(arc)])
+        turn[:, 1] += (i + 0.5) * spacing_m
+        line = np.vstack([straight, turn]) if i < lines - 1 else straight
+        pieces.append(line if i % 2 == 0 else line * [-1, 1] + [length_m, 0])
+    xy = np.vstack(pieces)
+    poses = np.zeros((len(xy), 6))
+    poses[:, :2], poses[:, 2] = xy, -10
+    poses[:, 5] = np.arctan2(*np.gradient(xy, axis=0).T[::-1])
+    return poses
+
+
+def place(poses, offsets_m, z):
+    """Beams [P·K, 3]: across-track offsets [K] turned and moved by the poses [P, 6]."""
+    yaw = poses[:, 5:]
+    x = poses[:, :1] - np.sin(yaw) * offsets_m
+    y = poses[:, 1:2] + np.cos(yaw) * offsets_m
+    return np.column_stack([x.ravel(), y.ravel(), z])
+
+
+def predict_seabed(xy):
+    return seabed(xy) + 0.05 * np.sin(xy[:, 0]), np.full(len(xy), 0.05**2)
+
+
+def make_map():
+    x, y = np.arange(-12, 113, 1.0), np.arange(-14, 65, 1.0)
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
+    mean, variance = (values.reshape(len(x), len(y)) for values in predict_seabed(points))
+    outside = (x < -8)[:, None] | (y > 60)
+    edge = np.clip(np.abs(points[:, 1] - 25) - 32, 0, None).reshape(len(x), len(y))
+    mean, variance = np.where(outside, np.nan, mean), np.where(outside, np.nan, variance)
+    return GridMap(x, y, mean, variance + 0.02 * edge)
+
+
+def make_terrain():
+    x, y = np.arange(-30, 130, 0.5), np.arange(-30, 80, 0.5)
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
+    return GridMap(x, y, seabed(points).reshape(len(x), len(y)))
+
+
+def make_history(t_s, duration_s):
+    phase = (t_s - t_s[0]) / duration_s
+    return {
+        "t_s": t_s,
+        "n_eff": 100 * (1 - (phase * 5) % 1 * 0.55),
+        "loop_closure_prompts": np.floor(phase * 60),
+        "resamplings": np.floor(phase * 5),
+        "iterations_total": 90_000 * phase,
+        "elbo": -3 + 2.5 * (1 - np.exp(-phase * 6)),
+    }
+
+
+def make_run(seed=0):
+    """A survey of six lines whose DR drifts by up to 6 m, and whose estimate errs by 0.5 m."""
+    rng = np.random.default_rng(seed)
+    truth = lawn_mower()
+    phase = np.linspace(0, 1, len(truth))[:, None]
+    drift, wander = np.zeros_like(truth), np.zeros_like(truth)
+    drift[:, :2] = phase**1.5 * [4.5, -4.0]
+    wander[:, :2] = 0.5 * np.sin(phase * [[9.0, 14.0]])
+    offsets_m = np.linspace(-12, 12, 40)
+    footprints = place(truth, offsets_m, np.zeros(len(truth) * len(offsets_m)))
+    z = seabed(footprints[:, :2]) + NOISE_M * rng.standard_normal(len(footprints))
+    stamp_s = 1.6e9 + 0.5 * np.arange(len(truth))
+    x, y = np.meshgrid(np.arange(-10, 110, 10.0), np.arange(-12, 62, 10.0))
+    duration_s = float(stamp_s[-1] - stamp_s[0])
+    statistics = dict(
+        particles=100, nodes=2, seed=seed, pings=len(truth), pings_dropped=0, wall_s=150.0
+    )
+    statistics.update(beams=len(z), duration_s=duration_s, iterations_total=90_000)
+    statistics.update(loop_closure_prompts=60, resamplings=5)
+    statistics["peak_rss_mb"] = {"rbpf_core": 210.4, "svgp_node_0": np.float32(812.5)}
+    return SurveyRun(
+        stamp_s=stamp_s,
+        estimate=truth + wander,
+        estimate_std_m=0.05 + np.abs(wander[:, :2]) * 0.5 + 0.2 * phase,
+        dead_reckoning=truth + drift,
+        ground_truth=truth,
+        levelled=np.column_stack([np.zeros(len(z)), np.tile(offsets_m, len(truth)), z]),
+        ping_of_beam=np.repeat(np.arange(len(truth)), len(offsets_m)),
+        held_out=np.arange(len(truth)) % 10 == 5,
+        map=make_map(),
+        predict=predict_seabed,
+        noise_variance_m2=NOISE_M**2,
+        inducing_points=np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]),
+        statistics=statistics,
+        status_history=make_history(stamp_s[::10], duration_s),
+        terrain=make_terrain(),
+        config={"particles": 100, "svgp": {"inducing_points": 96, "kernel": "matern12"}},
+    )
+
+
+def without(run, **changes):
+    return dataclasses.replace(run, **changes)
+
+
+def random_tracks(rng, pings=60):
+    """Poses and truth [P, 6] at any attitude; truth is unknown at a gap and at the end."""
+    poses, truth = rng.normal(0, 1, (2, pings, 6)) * [20, 20, 5, 0.5, 0.5, 2]
+    truth[10:14] = np.nan
+    truth[-1] = np.nan
+    return poses, truth
