@@ -17,13 +17,12 @@ class Moments:
 
     m: Tensor  # [S], in double precision
     F: Tensor  # [S, S] lower triangular, Σ = FᵀF, F⁻¹ the Cholesky factor of Λ
-    log_determinant: float  # log|Λ|
+    log_determinant: float  # log|Σ|
 
     @property
-    def kl_divergence(self) -> float:
-        """KL(q(v) ‖ N(0, I)) = ½·(tr Σ + mᵀm − S + log|Λ|), nats."""
-        trace = self.F.square().sum(dtype=torch.float64).item()
-        return 0.5 * (trace + torch.dot(self.m, self.m).item() - len(self.m) + self.log_determinant)
+    def trace(self) -> float:
+        """tr Σ = tr FᵀF."""
+        return self.F.square().sum(dtype=torch.float64).item()
 
 
 def moments(precision: Tensor, shift: Tensor, weight: float, dtype: torch.dtype) -> Moments:
@@ -43,7 +42,8 @@ def moments(precision: Tensor, shift: Tensor, weight: float, dtype: torch.dtype)
         raise linalg.NotPositiveDefinite("precision of q(v): no Cholesky factor")
     m = torch.cholesky_solve(shift[:, None], C)[:, 0].mul_(weight)
     F = linalg.inverse_of_lower(C.to(dtype), torch.zeros_like(C, dtype=dtype))
-    return Moments(m, F, 2.0 * C.diagonal().log().sum().item())
+    # log|Σ| = −log|Λ| = −2·Σ log C_ii
+    return Moments(m, F, -2.0 * C.diagonal().log().sum().item())
 
 
 class Site:

@@ -14,7 +14,7 @@ from rbpf_svgp_slam.svgp import linalg, work_space
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.kernels import Correlation
 from rbpf_svgp_slam.svgp.natural import Site
-from rbpf_svgp_slam.svgp.objective import Objective
+from rbpf_svgp_slam.svgp.objective import Objective, elbo
 from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.optimizers.optimizer import (
     NotFinite,
@@ -93,14 +93,14 @@ class NaturalGradient(Optimizer):
         Ay, A_one = torch.mv(buffers.A, y.double()).div_(M), buffers.A.mean(1)
         _, o, noise = self.model.hyperparameters()
         rate = max(self.config.natgrad_rate, 1.0 / (self._steps + 1.0))
-        elbo = None
+        bound = None
         if self._steps > 0 and learned.steps % self.config.natgrad_model_period == 0:
-            elbo = self._model_step(objective, buffers, y, N, rate)
+            bound = self._model_step(objective, buffers, y, N, rate)
         self.site.replace(rate, G, Ay, A_one, o, noise)
         self._steps += 1
         learned.steps += 1
         self._beams_in_log = N
-        return elbo
+        return bound
 
     def _model_step(
         self, objective: Objective, buffers: _Buffers, y: Tensor, N: int, rate: float
@@ -112,15 +112,15 @@ class NaturalGradient(Optimizer):
         H.diagonal().add_(1.0)
         G = buffers.G_single.copy_(buffers.G).mul_(len(y))
         residuals = objective.residuals(self.model, y, m, G, H)
-        elbo = residuals.expected_log_likelihood - q.kl_divergence / N
+        bound = elbo(residuals, q, N)
         flat = buffers.gradient.flat.zero_()
         if self._learned.learns:
             objective.model_gradients(m, G, H, residuals, buffers.gradient)
-        if not math.isfinite(elbo + torch.dot(flat, flat).item()):
-            raise NotFinite(f"ELBO of {elbo:g} nats or its gradient is not finite")
+        if not math.isfinite(bound + torch.dot(flat, flat).item()):
+            raise NotFinite(f"ELBO of {bound:g} nats or its gradient is not finite")
         if self._learned.learns:
             self._learned.improve(buffers.gradient, residuals, rate)
-        return elbo
+        return bound
 
     def gaussian(self) -> Gaussian:
         q = self.site.moments(self._beams_in_log, self.model.c.item(), self.dtype)

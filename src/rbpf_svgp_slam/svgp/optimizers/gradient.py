@@ -1,4 +1,4 @@
-"""Adam on everything: m, R, Z, ℓ, o, σ² and c, as the paper does."""
+"""Gradient ascent on everything by Adam, `svgp/optimizer: adam`: the paper's optimizer."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from rbpf_svgp_slam.svgp.posterior import Gaussian
 _thread = threading.local()
 
 
-class AdamOptimizer(Optimizer):
-    """Steps of the paper's optimizer on the closed-form gradients of the minibatch ELBO.
+class GradientAscent(Optimizer):
+    """Adam's steps on m, R, Z, ℓ, o, σ² and c along the gradient of the minibatch ELBO.
 
     State: `parameters`, `adam_first` and `adam_second` [P], P = S + S(S + 1)/2 + 2S + 4: m [S],
     R [S, S] by rows up to the diagonal, Z [S, 2], raw ℓ, o, σ² and c, and Adam's two moments of
