@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from rbpf_svgp_slam.map_node.map_store import share
-from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.maps import make_group
 from rbpf_svgp_slam.parameters.loading import ParameterError, validate, validate_index
+from rbpf_svgp_slam.protocol.shares import share
 from rbpf_svgp_slam.survey_area.grid import survey_grid
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
@@ -28,9 +28,9 @@ def test_the_shipped_parameters_are_accepted(tree):
     parameters = validate(tree)
     assert parameters.particles == tree["particles"]
     assert vars(parameters.map) == tree["map"]
-    assert parameters.svgp == tree["svgp"]
-    factory = make_factory(parameters)
-    assert factory.minibatch_size == tree["svgp"]["minibatch_size"]
+    assert parameters.engine_group == tree["svgp"]
+    maps = make_group(parameters)
+    assert maps.minibatch_size == tree["svgp"]["minibatch_size"]
     assert parameters.survey_area == ((0, 0), (40, 0), (0, 20))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from rbpf_svgp_slam.maps.registry import ENGINES
 from rbpf_svgp_slam.parameters.rules import (
     Rule,
     at_least,
@@ -51,7 +52,7 @@ class NodeParameters:
     map_frame: str
     resampling_timeout_s: float
     map: MapParameters
-    svgp: dict[str, Any]  # group `svgp`, for the engine of that name to check
+    engine_group: dict[str, Any]  # the group of the name `map/engine`, for that engine to check
 
 
 # Every parameter under `map/`, and those of other groups that a map node needs. The engine's own
@@ -65,7 +66,7 @@ COMMON_RULES = {
     "resampling/timeout_s": positive(),
 }
 MAP_RULES = {
-    "engine": choice("svgp"),
+    "engine": choice(*ENGINES),
     "threads": integer(1),
     "resolution_m": positive(),
     "publish_period_s": at_least(0.0),
@@ -84,6 +85,7 @@ def validate(tree: dict[str, Any]) -> NodeParameters:
             f"{PARAMETERS}/nodes is {common['nodes']}; expected at most {common['particles']}, "
             f"{PARAMETERS}/particles"
         )
+    maps = _map_parameters(tree)
     return NodeParameters(
         particles=common["particles"],
         nodes=common["nodes"],
@@ -91,8 +93,8 @@ def validate(tree: dict[str, Any]) -> NodeParameters:
         survey_area=common["survey_area"],
         map_frame=common["frames/map"],
         resampling_timeout_s=common["resampling/timeout_s"],
-        map=_map_parameters(tree),
-        svgp=_value(tree, "svgp", group()),
+        map=maps,
+        engine_group=_value(tree, maps.engine, group()),
     )
 
 

@@ -13,14 +13,14 @@ from torch import Tensor
 from rbpf_svgp_slam.svgp import work_space
 from rbpf_svgp_slam.svgp.adam import Adam
 from rbpf_svgp_slam.svgp.config import SvgpConfig
-from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked
+from rbpf_svgp_slam.svgp.optimizers.optimizer import MinibatchOptimizer, NotFinite, checked
 from rbpf_svgp_slam.svgp.parameters import Model, Parameters
 from rbpf_svgp_slam.svgp.posterior import Gaussian
 
 _thread = threading.local()
 
 
-class GradientAscent(Optimizer):
+class GradientAscent(MinibatchOptimizer):
     """Adam's steps on m, R, Z, ℓ, o, σ² and c along the gradient of the minibatch ELBO.
 
     State: `parameters`, `adam_first` and `adam_second` [P], P = S + S(S + 1)/2 + 2S + 4: m [S],

@@ -17,8 +17,8 @@ from rbpf_svgp_slam.svgp.natural import Site
 from rbpf_svgp_slam.svgp.objective import Objective, elbo
 from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.optimizers.optimizer import (
+    MinibatchOptimizer,
     NotFinite,
-    Optimizer,
     checked,
     expect_squares,
     fill,
@@ -32,7 +32,7 @@ from rbpf_svgp_slam.svgp.prior import Prior
 _thread = threading.local()
 
 
-class NaturalGradient(Optimizer):
+class NaturalGradient(MinibatchOptimizer):
     """Every step moves q(v) along its natural gradient, every k-th also improves the model.
 
     For a Gaussian likelihood the natural-gradient step is an exponential average of the
@@ -69,6 +69,15 @@ class NaturalGradient(Optimizer):
     @property
     def stamp(self) -> object:
         return self._learned.stamp
+
+    @property
+    def reference_m(self) -> float:
+        """What depths count from, m: the model's c is an offset to it, whosever the model is."""
+        return self._learned.reference_m
+
+    @reference_m.setter
+    def reference_m(self, reference_m: float) -> None:
+        self._learned.reference_m = reference_m
 
     @property
     def pitch_m(self) -> float:
@@ -140,18 +149,24 @@ class NaturalGradient(Optimizer):
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """A map that shares its model brings it along, or else comes over to what is shared."""
+        """The first map of a node that shares its model brings it along; others adapt to it."""
         S, site = len(self.site.shift), self.site
         fill(arrays, shift=site.shift, shift_one=site.shift_one)
         unpack(checked(arrays, "precision", S * (S + 1) // 2), site.precision)
         self._steps = arrays["steps"].item()
         self._beams_in_log = arrays["beams_in_log"].item()
         if self._shares and self._learned.steps > 0:
-            self._come_over(Model(torch.from_numpy(checked(arrays, "model", 2 * S + 4))))
+            self._adapt_from(Model(torch.from_numpy(checked(arrays, "model", 2 * S + 4))))
         else:
             self._learned.restore(arrays)
 
-    def _come_over(self, old: Model) -> None:
+    def restore_reference(self, reference_m: float) -> None:
+        if math.isnan(self.reference_m):
+            self.reference_m = reference_m
+        elif not math.isnan(reference_m):
+            self.site.move_reference(reference_m - self.reference_m)
+
+    def _adapt_from(self, old: Model) -> None:
         """Express what was learned under another model under this one."""
         new, config = self.model, self.config
         old, new = (Model(model.flat.to(self.device, torch.float64)) for model in (old, new))

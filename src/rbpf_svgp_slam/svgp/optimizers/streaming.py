@@ -102,10 +102,8 @@ class Streaming(Optimizer):
         self._start(model, Z, lengthscale_m)
         self.fixed = FixedModel(self.config, model.flat)
 
-    def step(self, X: Tensor, y: Tensor, N: int) -> None:
-        raise TypeError("a streaming map takes in the log's beams in their order, no minibatches")
-
     def fold(self, X: Tensor, y: Tensor) -> None:
+        """Take in the log's next beams X [n, 2], m, y [n], m; raises `NotFinite`."""
         expect_squares(y)
         self._add(X, y, self.fixed, self._sums)
         self.next_beam += len(y)
@@ -127,6 +125,11 @@ class Streaming(Optimizer):
         self._add(X, y, fixed, sums, pause)
         sums.scale(N / len(y))
         self.fixed, self._sums, self.next_beam = fixed, sums, N
+
+    def share_if_equal(self, fixed: FixedModel) -> None:
+        """Use that object for the model, if it is the same model: L⁻¹ is then computed once."""
+        if torch.equal(self.fixed.model.flat, fixed.model.flat):
+            self.fixed = fixed
 
     def gaussian(self) -> Gaussian:
         q = self.moments()
