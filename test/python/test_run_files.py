@@ -52,7 +52,7 @@ def test_a_run_read_back_is_the_run(saved):
     # TUM files hold nine decimals.
     for name in ("estimate", "dead_reckoning", "ground_truth"):
         np.testing.assert_allclose(getattr(again, name), getattr(run, name), atol=1e-8)
-    for name in ("stamp_s", "held_out", "ping_of_beam", "estimate_std_m", "inducing_points"):
+    for name in ("stamp_s", "held_out", "ping_of_beam", "estimate_std_m", "support_points"):
         np.testing.assert_array_equal(getattr(again, name), getattr(run, name))
     np.testing.assert_array_equal(again.levelled, run.levelled.astype(np.float32))
     for name in ("mean", "variance"):
