@@ -115,7 +115,7 @@ def test_shares_cover_all_particles_and_differ_by_at_most_one(particles, nodes):
 
 
 def test_shares_are_those_of_the_shared_table():
-    """The core computes them by itself: test/core/test_resampling.cpp compares with the same file."""
+    """The core computes them by itself: test/core/test_resampling.cpp reads the same file."""
     lines = [line for line in SHARES.read_text().splitlines() if not line.startswith("#")]
     assert len(lines) == 10
     for line in lines:
