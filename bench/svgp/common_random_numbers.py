@@ -29,14 +29,15 @@ from rbpf_svgp_slam.survey_area.polygon import survey_origin
 from rbpf_svgp_slam.svgp.group import SvgpGroup
 
 S, M, STEPS, BEAMS = 225, 500, 300, 100_000
-#: A streaming map's beams when it is rebuilt from a sample.
+#: So many beams are in the sample that a streaming map is rebuilt from.
 SAMPLE = 40_000
-#: Of the displaced particle, along x, m.
+#: How far the second particle is displaced, along x, m.
 OFFSET_M = 1.0
-#: Pairs of maps, each with random numbers of its own.
+#: So many pairs of maps are compared, each with random numbers of its own.
 REPETITIONS = 8
 PINGS, BEAMS_OF_PING = 20, 256
-#: Standard deviation added to predictions in the weights, m; rest: the robust rule's settings.
+#: The standard deviation added to predictions in the weights, m, and two settings of the robust
+#: rule.
 LC_NOISE_STD_M, EFFECTIVE_BEAMS, STUDENT_T_DOF = 0.3, 30.0, 4.0
 SURVEY_SEED = 1
 

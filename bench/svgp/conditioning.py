@@ -37,9 +37,9 @@ from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 S, M, STEPS, BEAMS_IN_LOG = 400, 1000, 30, 12_000_000
 LENGTHSCALE_PITCHES, SIDE_M = 20.0, 100.0
 SIGMAS_M = (0.02, 0.1, 1.0)
-#: Of streaming maps: a sample that stands for the log so far, and the beams that follow it.
+#: A streaming map starts from a sample of the log so far; then it takes in so many beams.
 SAMPLE, FOLDED = 20_000, 100_000
-#: Where maps are compared.
+#: Maps are compared at so many points.
 POINTS = 2000
 JITTER = SvgpConfig().jitter
 SEED = 1
@@ -176,7 +176,7 @@ def _factorise_in_single(prior: Prior, model: Model, stamp: object = None) -> Te
     return prior.L_inverse.copy_(linalg.inverse_of_lower(L, torch.zeros_like(L)))
 
 
-#: Of predictions; none where Λ has no Cholesky factor.
+#: Errors of a map's predictions; none where Λ has no Cholesky factor.
 FIGURES = (
     "mean, RMS (% of sigma)",
     "mean, largest (% of sigma)",
@@ -203,7 +203,7 @@ def _moments_replaced(replacement: Any) -> Iterator[Any]:
             yield replacement
 
 
-#: The map's precision, and what is done to it.
+#: Name of each experiment: the map's precision, and what is replaced while it is trained.
 EXPERIMENTS: dict[str, tuple[str, Callable[[], ContextManager[Any]]]] = {
     "as it is": ("float32", contextlib.nullcontext),
     "all in double": ("float64", contextlib.nullcontext),

@@ -21,7 +21,7 @@ from rbpf_svgp_slam.svgp.inducing import grid_pitch_m
 from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 S, M, STEPS, BEAMS, HELD_OUT = 400, 1000, 300, 100_000, 4000
-#: Relief and noise as multiples of those of shallow water, and training steps on each.
+#: Relief and noise as multiples of those of shallow water, and the training steps that each gets.
 RELIEFS, FEW_STEPS = (0.1, 1.0, 4.0, 6.0, 8.0, 12.0, 20.0), 100
 #: Extent of the relief before it is stretched, m, and its resolution; features of 15 to 80 m.
 RELIEF_EXTENT_M, RELIEF_RESOLUTION_M = 200.0, 0.5

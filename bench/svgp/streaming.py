@@ -26,10 +26,10 @@ from rbpf_svgp_slam.svgp.streaming_svgp import StreamingSvgp
 PARTICLES = 100
 MISSION, SURVEY_S = "lolo3", 300
 HOLD_BACK_S = 30.0
-#: Of held-out pings, those are left out that are this close to the newest beams that maps can have:
-#: a map is behind by up to a second, and there its neighbours decide.
+#: Held-out pings this close to the newest beams that maps can have are left out: a map is behind by
+#: up to a second, and where it is, errors depend on how far.
 MARGIN_S = 3.0
-#: Seconds of survey before the first map is looked at, and between two of them.
+#: The first map is looked at after so many seconds of survey, and the next ones in this interval.
 FIRST_S, PERIOD_S = 60.0, 12.0
 BLOCK_BEAMS = 100_000
 

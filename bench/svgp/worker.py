@@ -18,7 +18,7 @@ from bench.svgp.trainers import MinibatchTrainer, StreamTrainer
 
 def main() -> None:
     """Answer requests on stdin until it is closed."""
-    # nothing but messages may reach the driver
+    # keep stdout for messages to the driver: what else is printed goes to stderr
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     torch.set_num_threads(1)

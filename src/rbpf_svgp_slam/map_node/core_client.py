@@ -72,7 +72,7 @@ class PersistentService:
         """The response; raises whatever keeps it from coming."""
         try:
             if self._proxy is None:
-                # Connecting blindly to a core that has gone logs a traceback for every attempt.
+                # Wait first: connecting to a core that has gone logs a traceback every time.
                 rospy.wait_for_service(self._name, timeout=BACK_OFF_S[1])
                 self._proxy = rospy.ServiceProxy(self._name, self._service_class, persistent=True)
             return self._proxy(*request)
@@ -184,7 +184,7 @@ class MinibatchFeed:
             except BadRequest as error:
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "minibatches refused: %s", error)
                 rounds = []
-            except Exception as error:  # whatever it is: without this thread training would end
+            except Exception as error:  # whatever it is: without this thread there is no training
                 if self._stopped.is_set() or rospy.is_shutdown():
                     return
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "no minibatches: %s", error)

@@ -18,15 +18,16 @@ from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.survey_area.grid import survey_grid
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
+# Of the published map, whose grid is coarsened to that.
 MAX_POINTS = 40000
-# Points predicted between two training steps: about as long as one of these.
+# Points predicted between two training steps, which takes about as long as a step.
 CHUNK_POINTS = 1000
 
 
 class MapPublisher:
     """Topics map/mean, map/variance and the map's support points, from the best particle's node.
 
-    Owned by the training thread, which lends it a moment between two steps.
+    Works on the training thread, a moment between every two steps.
     """
 
     def __init__(self, store: MapStore, parameters: NodeParameters) -> None:

@@ -43,7 +43,7 @@ def answers_bad_requests(response_class: type) -> Callable:
             except BadRequest as error:
                 message = str(error)
                 rospy.logerr("%s refused: %s", service, message)
-            except Exception as error:  # a bug or no memory: this request fails, the node lives on
+            except Exception as error:  # a bug, or out of memory: only this request fails
                 message = f"{type(error).__name__}: {error}"
                 rospy.logerr("%s failed: %s", service, traceback.format_exc())
             return response_class(success=False, message=message)
@@ -99,7 +99,7 @@ class MapNode:
             self._status.publish(self._make_status())
         try:
             self._publisher.advance()
-        except Exception as error:  # a picture is not worth a map
+        except Exception as error:  # training goes on without a picture
             rospy.logerr_throttle(ERROR_PERIOD_S, f"publishing the map failed: {error!r}")
 
     def _make_status(self) -> MapStatus:

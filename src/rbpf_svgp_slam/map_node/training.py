@@ -78,12 +78,16 @@ class Training(ABC):
             rospy.logwarn("a resampling's outcome has not been sent; %s, as the core says", done)
 
     def _is_current(self, reply: Minibatches) -> bool:
-        """Beams placed under another epoch are useless; an epoch that stays another is adopted."""
+        """Whether a reply is of this node's epoch; beams placed under another one are of no use.
+
+        If the core has settled for another epoch, the node adopts it.
+        """
         epoch = self._store.epoch
         if reply.epoch == epoch:
             return True
         if reply.asked_epoch != epoch:
-            self._feed.refresh()  # what is ready behind it has been asked for before, too
+            # The replies behind it were asked for under the old epoch too.
+            self._feed.refresh()
             return False
         if reply.resampling or self._store.frozen:
             return False

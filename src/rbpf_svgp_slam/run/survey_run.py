@@ -63,7 +63,7 @@ class SurveyRun:
     map: GridMap
     predict: Predict  # xy [n, 2] to the latent mean [n] and variance [n], noise not included
     noise_variance_m2: float  # the map's learned σ²
-    support_points: np.ndarray  # [S, 3] that show where the map spends its memory: x, y, predicted z
+    support_points: np.ndarray  # [S, 3] x, y, predicted z: where the map spends its memory
     stored_map: StoredMap | None = None  # what `predict` asks
     estimate_std_m: np.ndarray | None = None  # [P, 2] spread of the particles in x, y
     ground_truth: np.ndarray | None = None  # [P, 6], NaN rows where not covered

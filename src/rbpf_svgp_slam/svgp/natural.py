@@ -26,14 +26,14 @@ class Moments:
 
 
 def moments(precision: Tensor, shift: Tensor, weight: float, dtype: torch.dtype) -> Moments:
-    """Of Λ = I + weight·precision [S, S] and Λm = weight·shift [S], in double precision.
+    """q(v) of Λ = I + weight·precision [S, S] and Λm = weight·shift [S], in double precision.
 
-    Raises `NotPositiveDefinite`.
+    dtype: of F. Raises `NotPositiveDefinite`.
 
-    Double precision, because Λ's eigenvalues reach from 1, where no beam has been, to about
+    In double precision, because Λ's eigenvalues reach from 1, where no beam has been, to about
     N·o/σ², 3·10¹⁰ for 12 million beams of σ = 0.02 m: rounded to single precision Λ is not even
-    positive definite. Its factor has only the root of that condition; F comes in the dtype in which
-    it is used, wide products, and its inversion loses no more than these.
+    positive definite. Its factor's condition is only the root of that. F is used in wide products,
+    in their dtype, and inverting the factor in it loses no more than they do.
     """
     Lambda = precision * weight
     Lambda.diagonal().add_(1.0)

@@ -52,8 +52,8 @@ class GradientAscent(MinibatchOptimizer):
         objective, gradient = work_space.objective(self.config, len(y)), self._gradient()
         elbo = objective.evaluate(self.theta, X, y, N, gradient)
         self.jitter_raises = objective.prior.jitter_raises
-        self._freeze(gradient)
-        # Not finite if any element, or its square, which Adam keeps, is not.
+        self._mask(gradient)
+        # This sum is not finite if any element is not, or its square, which Adam keeps.
         if not math.isfinite(elbo + torch.dot(gradient.flat, gradient.flat).item()):
             raise NotFinite(f"ELBO of {elbo:g} nats or its gradient is not finite")
         rates = [(len(gradient.flat), self.config.learning_rate)]
@@ -90,8 +90,8 @@ class GradientAscent(MinibatchOptimizer):
             _thread.key = key
         return _thread.gradient
 
-    def _freeze(self, gradient: Parameters) -> None:
-        """Take what is not to be learned out of a gradient."""
+    def _mask(self, gradient: Parameters) -> None:
+        """Set the gradient of what is not to be learned to zero."""
         if not self.config.learn_inducing_points:
             gradient.Z.zero_()
         if not self.config.learn_hyperparameters:

@@ -72,7 +72,7 @@ class NaturalGradient(MinibatchOptimizer):
 
     @property
     def reference_m(self) -> float:
-        """What depths count from, m: the model's c is an offset to it, whosever the model is."""
+        """What depths count from, m: the model's c is an offset to it, and shared with it."""
         return self._learned.reference_m
 
     @reference_m.setter
@@ -167,7 +167,7 @@ class NaturalGradient(MinibatchOptimizer):
             self.site.move_reference(reference_m - self.reference_m)
 
     def _adapt_from(self, old: Model) -> None:
-        """Express what was learned under another model under this one."""
+        """Express what was learned under another model, `old`, under this one."""
         new, config = self.model, self.config
         old, new = (Model(model.flat.to(self.device, torch.float64)) for model in (old, new))
         args = (config.inducing_points, config.kernel, config.jitter, torch.float64, self.device)

@@ -27,7 +27,7 @@ from rbpf_svgp_slam.svgp.posterior import Gaussian
 from rbpf_svgp_slam.svgp.prior import Prior
 
 _thread = threading.local()
-#: Beams folded in at once, which bounds the memory taken.
+#: So many beams are added at once, which bounds the memory taken.
 BLOCK = 1024
 
 
@@ -58,7 +58,7 @@ class Sums:
         self.depth, self.one = torch.zeros((2, S), dtype=double, device=device)
 
     def scale(self, factor: float) -> None:
-        """As of so many times the beams."""
+        """Let the beams count so many times."""
         for total in (self.gram, self.depth, self.one):
             total.mul_(factor)
 
@@ -67,9 +67,9 @@ class Streaming(Optimizer):
     """Takes in every beam once; for a fixed model q(v) is then exactly the best there is.
 
     The model comes from another map, which learns it from minibatches. When that has moved on, the
-    sums are to be rebuilt under its new model. They are sums of a aᵀ, a·y and a over the beams,
-    a = L⁻¹ρ(Z, x), whitened before they are summed: L⁻¹(Σρρᵀ)L⁻ᵀ would subtract large numbers,
-    and not even in double precision is it always positive.
+    sums are to be rebuilt under its new model. They are sums over the beams of a aᵀ, a·y and a,
+    where a = L⁻¹ρ(Z, x). Beams are whitened before they are summed, because L⁻¹(Σρρᵀ)L⁻ᵀ would
+    subtract large numbers, and is not always positive, not even in double precision.
 
     State: `model` [2S + 4] Z [S, 2], raw ℓ, o, σ² and c; `gram` [S(S + 1)/2], the sum of a aᵀ by
     rows up to the diagonal, `sum_depth` [S] of a·y and `sum_one` [S] of a, all in double
@@ -177,7 +177,7 @@ class Streaming(Optimizer):
         for X_part, y_part in zip(X.split(BLOCK), y.split(BLOCK)):
             correlation, white, product = self._buffers(len(y_part))
             rho = correlation.evaluate(fixed.model.Z, X_part, lengthscale)
-            # Single precision in a is harmless: the sum of any a aᵀ is positive.
+            # The projections may be rounded to single precision: a sum of a aᵀ stays positive.
             A = linalg.product_with_lower(fixed.L_inverse, rho, white).double()
             sums.gram.add_(linalg.gram(A, product))
             sums.depth.add_(torch.mv(A, y_part.double()))
