@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.core import program
-from bench.svgp.in_process import factory, markdown, square
+from bench.svgp.in_process import group, markdown, square
 
 AREA = square(centre_m=0.0, side_m=200.0)
 
@@ -14,7 +14,7 @@ AREA = square(centre_m=0.0, side_m=200.0)
 def run(out: Path) -> dict[str, Any]:
     """Milliseconds by weight rule; maps and MB per resampling by numbering and nodes."""
     measured = program.run("bench_weights_and_numbering")
-    map_mb = len(factory(AREA, optimizer="streaming").create().to_bytes()) / 1e6
+    map_mb = len(group(AREA, optimizer="streaming").create().to_bytes()) / 1e6
     rows = [_row(nodes, traffic, map_mb) for nodes, traffic in measured["numbering"].items()]
     print(markdown(rows))
     return {

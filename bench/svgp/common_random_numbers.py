@@ -24,18 +24,20 @@ from bench.svgp.surveys import (
     run_survey,
     smooth_relief,
 )
-from rbpf_svgp_slam.maps import MapEngine, MapFactory
+from rbpf_svgp_slam.maps import MinibatchMap, SeabedMap
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
+from rbpf_svgp_slam.svgp.group import SvgpGroup
 
 S, M, STEPS, BEAMS = 225, 500, 300, 100_000
-#: A streaming map's beams when it is rebuilt from a sample.
+#: So many beams are in the sample that a streaming map is rebuilt from.
 SAMPLE = 40_000
-#: Of the displaced particle, along x, m.
+#: How far the second particle is displaced, along x, m.
 OFFSET_M = 1.0
-#: Pairs of maps, each with random numbers of its own.
+#: So many pairs of maps are compared, each with random numbers of its own.
 REPETITIONS = 8
 PINGS, BEAMS_OF_PING = 20, 256
-#: Standard deviation added to predictions in the weights, m; rest: the robust rule's settings.
+#: The standard deviation added to predictions in the weights, m, and two settings of the robust
+#: rule.
 LC_NOISE_STD_M, EFFECTIVE_BEAMS, STUDENT_T_DOF = 0.3, 30.0, 4.0
 SURVEY_SEED = 1
 
@@ -60,19 +62,19 @@ class Study:
         self.z += NOISE_STD_M * rng.standard_normal(self.z.shape)
         self._xy = (xy - self._origin[:2]).astype(np.float32)
 
-    def trained(self, optimizer: str, offset_m: float, seed: int) -> MapEngine:
+    def trained(self, optimizer: str, offset_m: float, seed: int) -> SeabedMap:
         """The map of a particle with such an offset, by minibatches of such a seed."""
-        engine = self._factory(optimizer).create()
+        engine = self._group(optimizer).create()
         self._train(engine, offset_m, seed)
         return engine
 
-    def taught(self, seed: int) -> MapFactory:
+    def taught(self, seed: int) -> SvgpGroup:
         """A node of streaming maps, whose teacher has learned from the first particle's beams."""
-        node = self._factory("streaming")
+        node = self._group("streaming")
         self._train(node.teacher, 0.0, seed)
         return node
 
-    def streamed(self, node: MapFactory, offset_m: float, seed: int | None) -> MapEngine:
+    def streamed(self, node: SvgpGroup, offset_m: float, seed: int | None) -> SeabedMap:
         """A streaming map; seed: of a sample that stands for the log; none: of the whole log."""
         engine, beams = node.create(), self._displaced(offset_m)
         sample = beams
@@ -81,18 +83,18 @@ class Study:
         engine.rebuild(sample, len(beams))
         return engine
 
-    def predict(self, engine: MapEngine, offset_m: float) -> Predictions:
+    def predict(self, engine: SeabedMap, offset_m: float) -> Predictions:
         """At the pings as a particle with such an offset places them."""
         xy = self._xy.reshape(-1, 2) + np.array([offset_m, 0.0], dtype=np.float32)
         mean, variance = engine.predict(xy)
         return mean.reshape(self.z.shape), variance.reshape(self.z.shape)
 
-    def _train(self, engine: MapEngine, offset_m: float, seed: int) -> None:
+    def _train(self, engine: MinibatchMap, offset_m: float, seed: int) -> None:
         rng = np.random.default_rng([seed, 1])
         in_process.train((engine,), self._displaced(offset_m), self._M, self._steps, rng)
 
-    def _factory(self, optimizer: str) -> MapFactory:
-        return in_process.factory(self._area, optimizer=optimizer, **self._settings)
+    def _group(self, optimizer: str) -> SvgpGroup:
+        return in_process.group(self._area, optimizer=optimizer, **self._settings)
 
     def _displaced(self, offset_m: float) -> np.ndarray:
         return self._beams + np.array([offset_m, 0.0, 0.0], dtype=np.float32)

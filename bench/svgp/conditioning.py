@@ -20,10 +20,11 @@ import torch
 from torch import Tensor
 
 from bench.svgp import in_process
-from rbpf_svgp_slam.maps import MapEngine
+from rbpf_svgp_slam.maps import MinibatchMap
 from rbpf_svgp_slam.simulation.terrain import generate_terrain
 from rbpf_svgp_slam.svgp import linalg, natural
 from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.group import SvgpGroup
 from rbpf_svgp_slam.svgp.inducing import grid_pitch_m
 from rbpf_svgp_slam.svgp.kernels import KERNELS, Correlation
 from rbpf_svgp_slam.svgp.objective import Objective
@@ -31,13 +32,14 @@ from rbpf_svgp_slam.svgp.optimizers import streaming as streaming_module
 from rbpf_svgp_slam.svgp.parameters import Model, Parameters
 from rbpf_svgp_slam.svgp.posterior import Gaussian, Posterior
 from rbpf_svgp_slam.svgp.prior import Prior
+from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 S, M, STEPS, BEAMS_IN_LOG = 400, 1000, 30, 12_000_000
 LENGTHSCALE_PITCHES, SIDE_M = 20.0, 100.0
 SIGMAS_M = (0.02, 0.1, 1.0)
-#: Of streaming maps: a sample that stands for the log so far, and the beams that follow it.
+#: A streaming map starts from a sample of the log so far; then it takes in so many beams.
 SAMPLE, FOLDED = 20_000, 100_000
-#: Where maps are compared.
+#: Maps are compared at so many points.
 POINTS = 2000
 JITTER = SvgpConfig().jitter
 SEED = 1
@@ -53,10 +55,10 @@ class Case:
     xy: np.ndarray  #: [POINTS, 2] float32, m
     S: int
 
-    def factory(self, optimizer: str, dtype: str) -> in_process.MapFactory:
-        """Of maps under this model."""
+    def group(self, optimizer: str, dtype: str) -> SvgpGroup:
+        """Maps under this model."""
         area = in_process.square(0.0, SIDE_M)
-        return in_process.factory(
+        return in_process.group(
             area,
             optimizer=optimizer,
             inducing_points=self.S,
@@ -120,10 +122,10 @@ def objective_errors(case: Case) -> dict[str, dict[str, Any]]:
     """Relative errors of the ELBO and its gradient in single precision, for two q(v)."""
     twin = _make(case, "natgrad", "float64")
     _train(twin, case)
-    optimizer = twin._optimizer
+    optimizer = twin.optimizer
     q = optimizer.gaussian()
     X, y = torch.from_numpy(case.beams[:M].copy()).split([2, 1], 1)
-    y = (y.double() - twin._reference_m).float()[:, 0]
+    y = (y.double() - optimizer.reference_m).float()[:, 0]
     theta = Parameters(case.S, torch.float32, torch.device("cpu"))
     theta.model.copy_(optimizer.model.flat)
     theta.R.fill_diagonal_(1.0)
@@ -174,7 +176,7 @@ def _factorise_in_single(prior: Prior, model: Model, stamp: object = None) -> Te
     return prior.L_inverse.copy_(linalg.inverse_of_lower(L, torch.zeros_like(L)))
 
 
-#: Of predictions; none where Λ has no Cholesky factor.
+#: Errors of a map's predictions; none where Λ has no Cholesky factor.
 FIGURES = (
     "mean, RMS (% of sigma)",
     "mean, largest (% of sigma)",
@@ -201,7 +203,7 @@ def _moments_replaced(replacement: Any) -> Iterator[Any]:
             yield replacement
 
 
-#: The map's precision, and what is done to it.
+#: Name of each experiment: the map's precision, and what is replaced while it is trained.
 EXPERIMENTS: dict[str, tuple[str, Callable[[], ContextManager[Any]]]] = {
     "as it is": ("float32", contextlib.nullcontext),
     "all in double": ("float64", contextlib.nullcontext),
@@ -226,7 +228,7 @@ def map_errors(case: Case) -> dict[str, dict[str, Any]]:
 
 
 def _map_errors(
-    engine: MapEngine, case: Case, mean: np.ndarray, variance: np.ndarray
+    engine: SvgpMap, case: Case, mean: np.ndarray, variance: np.ndarray
 ) -> dict[str, Any]:
     """Of a map yet to be trained; mean, variance [POINTS]: the reference."""
     figures: dict[str, Any] = dict.fromkeys(FIGURES)
@@ -259,21 +261,21 @@ def _differences(
     ]
 
 
-def _make(case: Case, optimizer: str, dtype: str) -> MapEngine:
+def _make(case: Case, optimizer: str, dtype: str) -> SvgpMap:
     """A map under the model as single precision rounds it."""
-    node = case.factory(optimizer, dtype)
+    node = case.group(optimizer, dtype)
     engine = node.create()
-    (node.teacher or engine)._optimizer.model.flat.copy_(_rounded_model(case).flat)
+    (node.teacher or engine).optimizer.model.flat.copy_(_rounded_model(case).flat)
     return engine
 
 
 def _rounded_model(case: Case) -> Model:
-    return case.factory("natgrad", "float32").create()._optimizer.model
+    return case.group("natgrad", "float32").create().optimizer.model
 
 
-def _train(engine: MapEngine, case: Case) -> None:
+def _train(engine: SvgpMap, case: Case) -> None:
     """Beams as a log of BEAMS_IN_LOG serves them."""
-    if engine.next_beam is None:
+    if isinstance(engine, MinibatchMap):
         rng = np.random.default_rng(SEED)
         for _ in range(STEPS):
             engine.train_step(case.beams[rng.integers(0, len(case.beams), M)], BEAMS_IN_LOG)
@@ -314,11 +316,11 @@ def _streamed_exactly(case: Case) -> tuple[np.ndarray, np.ndarray]:
     return mean.numpy() + reference_m, variance.numpy()
 
 
-def _eigenvalues(engine: MapEngine) -> tuple[float, float]:
+def _eigenvalues(engine: SvgpMap) -> tuple[float, float]:
     """The smallest and the largest of Λ as the map has summed it up; exactly they are 1 or more."""
     with _moments_replaced(mock.Mock(side_effect=torch.linalg.LinAlgError)) as moments:
         with contextlib.suppress(torch.linalg.LinAlgError):
-            engine._optimizer.gaussian()
+            engine.optimizer.gaussian()
     precision, _, weight, _ = moments.call_args.args
     Lambda = precision.double() * weight + torch.eye(len(precision), dtype=torch.float64)
     values = torch.linalg.eigvalsh(Lambda)

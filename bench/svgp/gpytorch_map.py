@@ -57,7 +57,7 @@ class GpytorchMap:
         parameters = [*self._model.parameters(), *self._likelihood.parameters()]
         self._adam = torch.optim.Adam(parameters, lr=learning_rate)
         self._reference_m = None
-        # ours does so too: denormals take many CPUs far longer than other numbers
+        # Flush denormals, as ours does: CPUs are slow on them
         torch.set_flush_denormal(True)
 
     def train_step(self, beams: np.ndarray, beams_in_log: int) -> None:

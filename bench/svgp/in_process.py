@@ -8,21 +8,25 @@ from typing import Any, Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rbpf_svgp_slam.maps import MapEngine, MapFactory, make_factory
+from rbpf_svgp_slam.maps import MinibatchMap, StreamMap, make_group
 from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.group import SvgpGroup
 
 #: Beams in one reply of the log, for maps that take them in in their order.
 BLOCK_BEAMS = 1000
 
 
-def factory(survey_area: ArrayLike, **settings: Any) -> MapFactory:
-    """A node's; survey_area [V, 2] in the map frame, m; settings: what differs from the default."""
+def group(survey_area: ArrayLike, **settings: Any) -> SvgpGroup:
+    """A node's maps.
+
+    survey_area [V, 2] in the map frame, m; settings: what differs from the default.
+    """
     parameters = SimpleNamespace(
         map=SimpleNamespace(engine="svgp"),
         survey_area=survey_area,
         engine_group=SvgpConfig(**settings).as_dict(),
     )
-    return make_factory(parameters)
+    return make_group(parameters)
 
 
 def square(centre_m: float, side_m: float) -> np.ndarray:
@@ -31,7 +35,7 @@ def square(centre_m: float, side_m: float) -> np.ndarray:
 
 
 def train(
-    maps: Iterable[MapEngine], beams: np.ndarray, M: int, steps: int, rng: np.random.Generator
+    maps: Iterable[MinibatchMap], beams: np.ndarray, M: int, steps: int, rng: np.random.Generator
 ) -> None:
     """Steps on minibatches of M of the log's beams [N, 3], the same for all maps."""
     maps = list(maps)
@@ -41,7 +45,7 @@ def train(
             engine.train_step(minibatch, len(beams))
 
 
-def take_in(engine: MapEngine, beams: np.ndarray) -> None:
+def take_in(engine: StreamMap, beams: np.ndarray) -> None:
     """All beams [n, 3] that the log now has, in their order."""
     while engine.next_beam < len(beams):
         engine.take_in(beams[engine.next_beam : engine.next_beam + BLOCK_BEAMS])

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from bench.svgp import in_process
-from rbpf_svgp_slam.maps import MapEngine
+from rbpf_svgp_slam.maps import StreamMap
 from rbpf_svgp_slam.simulation.terrain import generate_terrain
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
 from rbpf_svgp_slam.svgp.inducing import grid_pitch_m
+from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 S, M, STEPS, BEAMS, HELD_OUT = 400, 1000, 300, 100_000, 4000
-#: Relief and noise as multiples of those of shallow water, and training steps on each.
+#: Relief and noise as multiples of those of shallow water, and the training steps that each gets.
 RELIEFS, FEW_STEPS = (0.1, 1.0, 4.0, 6.0, 8.0, 12.0, 20.0), 100
 #: Extent of the relief before it is stretched, m, and its resolution; features of 15 to 80 m.
 RELIEF_EXTENT_M, RELIEF_RESOLUTION_M = 200.0, 0.5
@@ -94,8 +95,8 @@ def study(case: Case, S: int = S, M: int = M, steps: int = STEPS) -> dict[str, d
     area = in_process.square(case.centre_m, case.side_m)
     settings = {"inducing_points": S, "minibatch_size": M} | case.settings
     survey = simulate(case)
-    adam = in_process.factory(area, optimizer="adam", **settings).create()
-    node = in_process.factory(area, optimizer="streaming", **settings)
+    adam = in_process.group(area, optimizer="adam", **settings).create()
+    node = in_process.group(area, optimizer="streaming", **settings)
     rng = np.random.default_rng(SEED)
     in_process.train((adam, node.teacher), survey.beams, M, steps, rng)
     streaming = node.create()
@@ -113,7 +114,7 @@ def study_of_relief(factor: float) -> dict[str, Any]:
     case = Case(3000.0, 1000.0, relief_m=3.0 * factor, noise_std_m=0.1 * factor)
     area, survey = in_process.square(0.0, case.side_m), simulate(case)
     settings = {"inducing_points": S, "minibatch_size": M}
-    engine = in_process.factory(area, optimizer="natgrad", **settings).create()
+    engine = in_process.group(area, optimizer="natgrad", **settings).create()
     in_process.train((engine,), survey.beams, M, FEW_STEPS, np.random.default_rng(SEED))
     relief_std_m = float(np.std(survey.z))
     figures = _figures(engine, case, survey, grid_pitch_m(area, S))
@@ -139,7 +140,7 @@ def simulate(case: Case) -> Survey:
 
 
 def _stream(
-    engine: MapEngine, beams: np.ndarray, rebuild_beams: int, rng: np.random.Generator
+    engine: StreamMap, beams: np.ndarray, rebuild_beams: int, rng: np.random.Generator
 ) -> None:
     """A map that is rebuilt at half of the survey, from a sample, and takes in the other half."""
     half = len(beams) // 2
@@ -148,9 +149,9 @@ def _stream(
     in_process.take_in(engine, beams)
 
 
-def _figures(engine: MapEngine, case: Case, survey: Survey, pitch_m: float) -> dict[str, float]:
+def _figures(engine: SvgpMap, case: Case, survey: Survey, pitch_m: float) -> dict[str, float]:
     """Without a unit, all of them."""
-    lengthscale_m = engine._optimizer.model.hyperparameters()[0]
+    lengthscale_m = engine.optimizer.model.hyperparameters()[0]
     rmse_m = math.sqrt(np.mean((engine.predict(survey.xy)[0] - survey.z) ** 2))
     return {
         "RMSE/relief": rmse_m / float(np.std(survey.z)),

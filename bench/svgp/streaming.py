@@ -21,15 +21,15 @@ from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.recorder.survey_client import fetch_map, fetch_survey
 from rbpf_svgp_slam.run.survey_run import place_beams
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
-from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
+from rbpf_svgp_slam.svgp.streaming_svgp import StreamingSvgp
 
 PARTICLES = 100
 MISSION, SURVEY_S = "lolo3", 300
 HOLD_BACK_S = 30.0
-#: Of held-out pings, those are left out that are this close to the newest beams that maps can have:
-#: a map is behind by up to a second, and there its neighbours decide.
+#: Held-out pings this close to the newest beams that maps can have are left out: a map is behind by
+#: up to a second, and where it is, errors depend on how far.
 MARGIN_S = 3.0
-#: Seconds of survey before the first map is looked at, and between two of them.
+#: The first map is looked at after so many seconds of survey, and the next ones in this interval.
 FIRST_S, PERIOD_S = 60.0, 12.0
 BLOCK_BEAMS = 100_000
 
@@ -134,12 +134,12 @@ def _probe(particle: int, status: Status, origin_m: np.ndarray) -> Probe | None:
     )
 
 
-def optimum(engine: SvgpMap, beams: np.ndarray) -> SvgpMap:
+def optimum(engine: StreamingSvgp, beams: np.ndarray) -> StreamingSvgp:
     """The map with the same model whose q(v) is the best for all of the beams [N, 3]."""
-    twin = SvgpMap.from_bytes(engine.to_bytes())
-    optimizer = twin._optimizer
+    twin = StreamingSvgp.from_bytes(engine.to_bytes())
+    optimizer = twin.optimizer
     X = torch.from_numpy(beams[:, :2].copy())
-    y = torch.from_numpy((beams[:, 2].astype(float) - twin._reference_m).astype(np.float32))
+    y = torch.from_numpy((beams[:, 2].astype(float) - optimizer.reference_m).astype(np.float32))
     optimizer.rebuild(optimizer.fixed, X, y, len(beams))
     return twin
 
@@ -157,5 +157,5 @@ def _all_beams(particle: int) -> tuple[np.ndarray, int]:
             return np.concatenate(parts), epochs.pop() if len(epochs) == 1 else -1
 
 
-def _rmse(engine: SvgpMap, points: np.ndarray) -> float:
+def _rmse(engine: StreamingSvgp, points: np.ndarray) -> float:
     return float(np.sqrt(np.mean((engine.predict(points[:, :2])[0] - points[:, 2]) ** 2)))

@@ -16,8 +16,8 @@ from bench.svgp.surveys import BenchSurvey, run_survey, smooth_relief
 
 S, M, BEAMS = 400, 1000, 500_000
 REFERENCE_STEPS = 2000
-#: Training steps of each of ours. Adam, being the same, may end a hair above the reference after
-#: as many steps; the others settle long before.
+#: Training steps of each of our optimizers. Adam gets more than GPyTorch's: being the same, it may
+#: end a hair above the reference after as many steps. The others settle long before.
 STEPS = {"adam": 2500, "natgrad": 1000, "streaming": 1000}
 CHECKPOINTS, LATE_CHECKPOINTS = 40, [2100, 2250, 2500]
 

@@ -25,24 +25,24 @@ class MinibatchTrainer:
 
 
 class StreamTrainer(MinibatchTrainer):
-    """A map that takes in every beam once, with its teacher: see map_node/training.py.
+    """A map that takes in every beam once, with its teacher: see map_node/stream_training.py.
 
     It pays for the teacher alone, as in a node of one map.
     """
 
-    def __init__(self, factory: Any, beams: np.ndarray, M: int, rng: np.random.Generator) -> None:
-        """factory: `MapFactory`; the rest as above."""
+    def __init__(self, group: Any, beams: np.ndarray, M: int, rng: np.random.Generator) -> None:
+        """group: `SvgpGroup`; the rest as above."""
         # here, since it loads ROS, which the others do without
-        from rbpf_svgp_slam.map_node.training import BLOCK_BEAMS, REBUILD_SHARE
+        from rbpf_svgp_slam.map_node.stream_training import BLOCK_BEAMS, REBUILD_SHARE
 
-        super().__init__(factory.create(), beams, M, rng)
+        super().__init__(group.create(), beams, M, rng)
         self._block, self._pause = BLOCK_BEAMS, 1.0 / REBUILD_SHARE - 1.0
-        self._factory = factory
+        self._group = group
         self._spent_s = self._next_rebuild_s = 0.0
 
     def advance(self, arrived: int) -> float:
         """Wall time, s, of a round: a step of the teacher, the next beams, perhaps a rebuild."""
-        teach = self._factory.teacher.train_step
+        teach = self._group.teacher.train_step
         cost_s = seconds(teach, self._draw(arrived, self._M), arrived)
         first = self.map.next_beam
         if first < arrived:
@@ -56,7 +56,7 @@ class StreamTrainer(MinibatchTrainer):
 
     def _sample(self, arrived: int) -> np.ndarray:
         """All beams so far, or as many as a rebuild wants of them."""
-        wanted = self._factory.rebuild_beams
+        wanted = self._group.rebuild_beams
         return self._beams[:arrived] if arrived <= wanted else self._draw(arrived, wanted)
 
 

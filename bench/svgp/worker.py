@@ -18,7 +18,7 @@ from bench.svgp.trainers import MinibatchTrainer, StreamTrainer
 
 def main() -> None:
     """Answer requests on stdin until it is closed."""
-    # nothing but messages may reach the driver
+    # keep stdout for messages to the driver: what else is printed goes to stderr
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     torch.set_num_threads(1)
@@ -85,23 +85,22 @@ def _make_trainer(request: dict[str, np.ndarray]) -> MinibatchTrainer:
 
         rate = request["learning_rate"].item()
         return MinibatchTrainer(GpytorchMap(request["Z"], learning_rate=rate, **initial), *log)
-    from rbpf_svgp_slam.maps.factory import MapFactory
     from rbpf_svgp_slam.svgp.config import SvgpConfig
+    from rbpf_svgp_slam.svgp.group import SvgpGroup
 
     S = len(request["Z"])
     config = SvgpConfig(optimizer=engine, inducing_points=S, minibatch_size=M, **initial)
-    factory = MapFactory("svgp", config, request["survey_area"])
+    group = SvgpGroup(config, request["survey_area"])
     if engine == "streaming":
-        return StreamTrainer(factory, *log)
-    return MinibatchTrainer(factory.create(), *log)
+        return StreamTrainer(group, *log)
+    return MinibatchTrainer(group.create(), *log)
 
 
 def _variational_parameters(engine: Any) -> tuple[np.ndarray, np.ndarray]:
     """m [S] of the whitened q(v) = N(m, Σ), and T [S, S], triangular: Σ = T Tᵀ or TᵀT."""
     if hasattr(engine, "variational_parameters"):
         return engine.variational_parameters()
-    # ours has no reason to show them to anybody else
-    q = engine._optimizer.gaussian()
+    q = engine.optimizer.gaussian()
     return q.m.numpy().astype(float), q.factor.numpy().astype(float)
 
 

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -260,6 +262,27 @@ TEST(ShareParticles, AreContiguousAndDifferByAtMostOneForAnyJAndB) {
       }
     }
   }
+}
+
+// The map nodes compute their shares by themselves: test/python compares with the same file.
+TEST(ShareParticles, AreThoseOfTheSharedTable) {
+  std::ifstream table(RBPF_TEST_DATA "/particle_shares.txt");
+  ASSERT_TRUE(table) << "no " RBPF_TEST_DATA "/particle_shares.txt";
+  int cases = 0;
+  for (std::string line; std::getline(table, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    std::istringstream words(line);
+    std::size_t particles = 0;
+    std::size_t nodes = 0;
+    std::string colon;
+    words >> particles >> nodes >> colon;
+    Counts expected;
+    for (std::uint32_t node = 0; words >> node;) expected.push_back(node);
+    ASSERT_EQ(expected.size(), particles) << line;
+    EXPECT_EQ(shareParticles(particles, nodes), expected) << line;
+    ++cases;
+  }
+  EXPECT_EQ(cases, 10);
 }
 
 }  // namespace

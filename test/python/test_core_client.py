@@ -9,7 +9,7 @@ from rospy import rostime
 
 from rbpf_svgp_slam.map_node import core_client
 from rbpf_svgp_slam.map_node.background import AtOnce, Background
-from rbpf_svgp_slam.map_node.core_client import Minibatches, MinibatchFeed
+from rbpf_svgp_slam.map_node.core_client import LogFeed, Minibatches, MinibatchFeed
 
 SOON_S = 5.0  # for what is expected to happen: reached only by a bug
 SIZE = 10
@@ -115,6 +115,45 @@ def test_a_refreshed_feed_hands_out_nothing_that_was_asked_for_before(core, feed
     given = core.given
     feed.refresh()
     assert first_beams([feed.take(SOON_S)])[0] == given
+
+
+# Where nobody wants minibatches
+
+
+def test_the_logs_length_is_asked_for_without_minibatches_and_with_rests(core):
+    feed, start_s = LogFeed(lambda: 0, 0.05), time.monotonic()
+    replies = []
+    while len(replies) < 4:
+        reply = feed.take(0.01)
+        replies += [] if reply is None else [reply]
+    # Three rests between four questions.
+    assert time.monotonic() - start_s >= 0.15
+    assert core.asked == [[]] * 4
+    assert [(reply.beams_in_log, len(reply.beams)) for reply in replies] == [(1000, 0)] * 4
+
+
+def test_a_refreshed_log_feed_asks_at_once_and_forgets_what_was_asked_before(core):
+    feed = LogFeed(lambda: 0, 60.0)
+    core.delay_s = 0.05
+    assert feed.take(0.0) is None, "the answer is on its way"
+    feed.refresh()
+    assert feed.take(SOON_S) is not None
+    assert len(core.asked) == 2, "the first answer was not used"
+    assert feed.take(0.0) is None, "resting"
+    feed.refresh()
+    assert feed.take(SOON_S) is not None
+
+
+def test_a_core_without_beams_or_an_answer_is_asked_again(core, monkeypatch):
+    feed = LogFeed(lambda: 0, 0.0)
+    core.empty = True
+    assert feed.take(SOON_S) is None
+    core.empty = False
+    ask = core.ask
+    monkeypatch.setattr(core, "ask", lambda particles: 1 / 0)
+    assert feed.take(SOON_S) is None
+    monkeypatch.setattr(core, "ask", ask)
+    assert feed.take(SOON_S).beams_in_log == 1000
 
 
 @pytest.mark.parametrize("make", [lambda: Background("test"), AtOnce])

@@ -337,7 +337,7 @@ def test_the_posterior_of_another_program_has_no_variance_and_no_inducing_points
         grid = dataclasses.replace(run.map, variance=variance)
         figure, caption = map_figures.posterior(without(run, map=grid), None)
         assert len(figure.axes) == 1 and "variance" not in caption
-    figure, caption = map_figures.posterior(without(run, inducing_points=np.empty((0, 3))), None)
+    figure, caption = map_figures.posterior(without(run, support_points=np.empty((0, 3))), None)
     assert len(figure.axes) == 2 and "inducing" not in caption
 
 

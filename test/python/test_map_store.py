@@ -1,146 +1,16 @@
-"""Training, predictions and the two phases of a resampling, with maps that are plain numbers."""
+"""The two phases of a resampling, with maps that are plain numbers."""
 
-import math
 import struct
 import threading
 import time
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from number_maps import BEAMS, SHORT_S, TIMEOUT_S, fetch_from, make_stores, map_bytes, no_fetch
+from number_maps import prepare_all
 
-from rbpf_svgp_slam.map_node.map_store import MapStore, Moved
+from rbpf_svgp_slam.map_node.map_store import Fetched
 from rbpf_svgp_slam.protocol.payload import BadRequest
-
-TIMEOUT_S = 5.0  # for what is expected to happen: reached only by a bug
-SHORT_S = 0.05  # for what is expected not to happen
-BEAMS = np.ones((4, 3), dtype=np.float32)
-
-
-class NumberMap:
-    """A map that is one number. Maps of one node share a guard, as real ones share work space."""
-
-    noise_variance_m2 = 0.25
-    prior_variance_m2 = 4.0
-
-    def __init__(self, factory, value=0.0, iterations=0):
-        self.factory, self.value, self.iterations = factory, value, iterations
-        self.skipped_steps = 0
-
-    def train_step(self, beams, beams_in_log):
-        with self.factory.alone():
-            if math.isnan(beams[0, 0]):
-                raise RuntimeError("this minibatch is broken")
-            if beams[0, 0] < 0:
-                self.skipped_steps += 1
-                return
-            time.sleep(self.factory.step_s)
-            self.value += float(beams.sum()) / beams_in_log
-            self.iterations += 1
-
-    def rebuild(self, beams, beams_in_log, pause):
-        value = 0.0
-        for beam in beams:
-            with self.factory.alone():
-                value += float(beam.sum())
-            pause()
-        self.value = value
-        self.iterations += 1
-
-    def predict(self, xy):
-        with self.factory.alone():
-            return self.value + xy[:, 0], np.full(len(xy), 0.5)
-
-    def copy(self):
-        with self.factory.alone():
-            return NumberMap(self.factory, self.value, self.iterations)
-
-    def to_bytes(self):
-        with self.factory.alone():
-            return struct.pack("<dQ", self.value, self.iterations)
-
-
-class NumberMaps:
-    """The maps of one node. Fails when two threads use them at once."""
-
-    def __init__(self, step_s=0.0):
-        self.step_s = step_s
-        self.guard = threading.Lock()
-
-    def create(self):
-        return NumberMap(self)
-
-    def load(self, data):
-        with self.alone():
-            return NumberMap(self, *struct.unpack("<dQ", data))
-
-    @contextmanager
-    def alone(self):
-        assert self.guard.acquire(blocking=False), "two threads use the maps at the same time"
-        try:
-            yield
-        finally:
-            self.guard.release()
-
-
-def make_stores(particles, nodes):
-    stores = [MapStore(k, particles, nodes, NumberMaps()) for k in range(nodes)]
-    for store in stores:
-        for particle in store.own:
-            # Every map is different: particle j has seen j + 1 steps.
-            for _ in range(particle + 1):
-                assert store.train(particle, 0, BEAMS, 7)
-    return stores
-
-
-def map_bytes(stores):
-    return {j: engine.to_bytes() for store in stores for j, engine in store.maps().items()}
-
-
-def fetch_from(stores, timeout_s=TIMEOUT_S):
-    """What the services do between nodes."""
-
-    def fetch(epoch, wanted):
-        return {
-            particle: data
-            for owner, particles in wanted.items()
-            for particle, data in zip(
-                particles, stores[owner].serialise(epoch, particles, timeout_s)
-            )
-        }
-
-    return fetch
-
-
-def no_fetch(epoch, wanted):
-    raise AssertionError(f"nothing to fetch was expected, asked for {wanted}")
-
-
-def in_threads(*calls):
-    """Run calls at the same time; their results, or the exceptions they raised."""
-    results = [None] * len(calls)
-
-    def run(i):
-        try:
-            results[i] = calls[i]()
-        except Exception as error:
-            results[i] = error
-
-    threads = [threading.Thread(target=run, args=(i,), daemon=True) for i in range(len(calls))]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(TIMEOUT_S)
-        assert not thread.is_alive(), "deadlock"
-    return results
-
-
-def prepare_all(stores, epoch, ancestors):
-    fetch = fetch_from(stores)
-    return in_threads(*(lambda s=s: s.prepare(epoch, ancestors, fetch, TIMEOUT_S) for s in stores))
-
-
-# Resampling
 
 
 def test_commit_gives_every_particle_its_ancestors_map():
@@ -303,7 +173,7 @@ def test_many_resamplings_while_all_nodes_train():
     for epoch in range(1, 31):
         ancestors = random.integers(7, size=7).tolist()
         moved = prepare_all(stores, epoch, ancestors)
-        assert all(isinstance(m, Moved) for m in moved), moved
+        assert all(isinstance(m, Fetched) for m in moved), moved
         before = map_bytes(stores)
         for store in stores:
             store.commit(epoch)
@@ -357,101 +227,3 @@ def test_nothing_to_settle():
     assert store.settle(core_epoch=1, core_resampling=False) == ""
     store.prepare(1, [0, 0], no_fetch, TIMEOUT_S)
     assert store.settle(core_epoch=1, core_resampling=False) == "", "not overdue yet"
-
-
-# Training and predictions
-
-
-def test_failed_and_skipped_steps_are_counted():
-    (store,) = make_stores(1, 1)
-    with pytest.raises(RuntimeError, match="broken"):
-        store.train(0, 0, np.full((4, 3), np.nan), 7)
-    assert store.train(0, 0, -BEAMS, 7)
-    assert (store.steps, store.skipped_steps) == (1, 2)
-
-
-def test_predictions_are_each_maps_own():
-    (store,) = make_stores(3, 1)
-    positions = np.arange(12, dtype=np.float32).reshape(2, 3, 2)
-    mean, variance, prior = store.predict(0, [2, 0], positions)
-    values = [store.maps()[2].value, store.maps()[0].value]
-    np.testing.assert_allclose(mean, positions[:, :, 0] + np.c_[values], rtol=1e-6)  # float32
-    assert (variance == 0.5).all() and (prior == 4.0).all()
-
-
-def test_predictions_are_refused_with_a_reason():
-    stores = make_stores(4, 2)
-    positions = np.zeros((1, 3, 2), dtype=np.float32)
-    with pytest.raises(BadRequest, match="epoch is 1; expected 0"):
-        stores[1].predict(1, [2], positions)
-    with pytest.raises(BadRequest, match="particle is 1; expected 2 .. 3"):
-        stores[1].predict(0, [1], positions)
-    stores[1].maps()[3].value = math.nan
-    with pytest.raises(BadRequest, match="prediction of particle 3 is not finite"):
-        stores[1].predict(0, [2, 3], np.zeros((2, 3, 2)))
-
-
-def long_rebuild(store, request):
-    """What a rebuild returns that a request comes in the midst of, and what the request does."""
-    answers = []
-
-    def ask():
-        answers.append(request())
-
-    asker = threading.Thread(target=ask, daemon=True)
-
-    class Beams(list):
-        """Starts the request with the first beam, and waits until it stands in line."""
-
-        def __iter__(self):
-            for i, beam in enumerate(list.__iter__(self)):
-                if i == 1:
-                    asker.start()
-                    while store._lock._requests_waiting == 0:
-                        time.sleep(0.001)
-                yield beam
-
-    done = store.rebuild(0, 0, Beams(BEAMS), 4)
-    asker.join(TIMEOUT_S)
-    return done, answers
-
-
-def test_a_rebuild_lets_predictions_in():
-    (store,) = make_stores(1, 1)
-    before = store.maps()[0].value
-    positions = np.zeros((1, 2, 2), dtype=np.float32)
-    done, (prediction,) = long_rebuild(store, lambda: store.predict(0, [0], positions))
-    np.testing.assert_allclose(prediction[0], before, rtol=1e-6)  # float32
-    assert done and store.maps()[0].value == BEAMS.sum()
-
-
-def test_a_resampling_ends_a_rebuild_without_effect():
-    (store,) = make_stores(2, 1)
-    before, steps = map_bytes([store]), store.steps
-    done, _ = long_rebuild(store, lambda: store.prepare(1, [1, 0], no_fetch, TIMEOUT_S))
-    assert not done and map_bytes([store]) == before
-    assert (store.steps, store.skipped_steps) == (steps, 0)
-
-
-def test_a_prediction_waits_for_one_step_at_most():
-    step_s = 0.02
-    store = MapStore(0, 10, 1, NumberMaps(step_s))
-    stop = threading.Event()
-
-    def train():
-        while not stop.is_set():
-            for particle in store.own:
-                store.train(particle, 0, BEAMS, 7)
-
-    trainer = threading.Thread(target=train, daemon=True)
-    trainer.start()
-    waits_s = []
-    for _ in range(20):
-        time.sleep(0.003)
-        start_s = time.monotonic()
-        store.predict(0, [0], np.zeros((1, 2, 2), dtype=np.float32))
-        waits_s.append(time.monotonic() - start_s)
-    stop.set()
-    trainer.join(TIMEOUT_S)
-    # Two steps rather than one leave room for a busy machine; without fairness it is a dozen.
-    assert np.median(waits_s) < 2 * step_s

@@ -18,10 +18,10 @@ from svgp_reference import (
 
 from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.minibatch_svgp import MinibatchSvgp
 from rbpf_svgp_slam.svgp.natural import moments
 from rbpf_svgp_slam.svgp.optimizers import NaturalGradient
 from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite
-from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
 JITTER = 1e-2
@@ -168,7 +168,7 @@ def test_learns_in_a_third_of_adams_steps():
     errors = {}
     for optimizer, steps in (("adam", 100), ("natgrad", 33)):
         config = SvgpConfig(inducing_points=64, minibatch_size=200, optimizer=optimizer)
-        engine, rng = SvgpMap(config, AREA), np.random.default_rng(1)
+        engine, rng = MinibatchSvgp(config, AREA), np.random.default_rng(1)
         for _ in range(steps):
             engine.train_step(beams[rng.integers(0, 5000, 200)], 5000)
         errors[optimizer] = np.std(engine.predict(beams[5000:, :2])[0] - z[5000:])
@@ -190,7 +190,7 @@ def test_calibrated_on_data_from_the_prior():
             learn_hyperparameters=False,
             **truth,
         )
-        engine, rng = SvgpMap(config, AREA), np.random.default_rng(seed)
+        engine, rng = MinibatchSvgp(config, AREA), np.random.default_rng(seed)
         for _ in range(150):
             batch = beams[rng.integers(0, 1400, 300)].astype(np.float32)
             engine.train_step(batch, 1400)
@@ -225,7 +225,7 @@ def test_learns_relief_of_any_height(height):
     z = height * (np.sin(xy[:, 0] / 4.0) + np.cos(xy[:, 1] / 5.0) + 0.1 * rng.standard_normal(6000))
     beams = np.column_stack([xy, z]).astype(np.float32)
     config = SvgpConfig(inducing_points=64, minibatch_size=200, optimizer="natgrad")
-    engine, rng = SvgpMap(config, AREA), np.random.default_rng(1)
+    engine, rng = MinibatchSvgp(config, AREA), np.random.default_rng(1)
     for _ in range(60):
         engine.train_step(beams[rng.integers(0, 5000, 200)], 5000)
     error = np.std(engine.predict(beams[5000:, :2])[0] - beams[5000:, 2])

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 import yaml
 
-from rbpf_svgp_slam.map_node.map_store import share
-from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.maps import make_group
 from rbpf_svgp_slam.parameters.loading import ParameterError, validate, validate_index
+from rbpf_svgp_slam.protocol.shares import owner, share
 from rbpf_svgp_slam.survey_area.grid import survey_grid
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
 DEFAULT = Path(__file__).parents[2] / "config" / "default.yaml"
+SHARES = Path(__file__).parents[1] / "data" / "particle_shares.txt"
 TRIANGLE = [[0.0, 0.0], [40, 0], [0, 20.0]]
 
 
@@ -29,8 +30,8 @@ def test_the_shipped_parameters_are_accepted(tree):
     assert parameters.particles == tree["particles"]
     assert vars(parameters.map) == tree["map"]
     assert parameters.engine_group == tree["svgp"]
-    factory = make_factory(parameters)
-    assert factory.minibatch_size == tree["svgp"]["minibatch_size"]
+    maps = make_group(parameters)
+    assert maps.minibatch_size == tree["svgp"]["minibatch_size"]
     assert parameters.survey_area == ((0, 0), (40, 0), (0, 20))
 
 
@@ -111,6 +112,18 @@ def test_shares_cover_all_particles_and_differ_by_at_most_one(particles, nodes):
     sizes = [len(part) for part in shares]
     assert max(sizes) - min(sizes) <= 1
     assert sizes == sorted(sizes, reverse=True)
+
+
+def test_shares_are_those_of_the_shared_table():
+    """The core computes them by itself: test/core/test_resampling.cpp reads the same file."""
+    lines = [line for line in SHARES.read_text().splitlines() if not line.startswith("#")]
+    assert len(lines) == 10
+    for line in lines:
+        size, nodes_of = line.split(":")
+        particles, nodes = map(int, size.split())
+        owned = [k for k in range(nodes) for _ in share(particles, nodes, k)]
+        assert owned == list(map(int, nodes_of.split())), line
+        assert owned == [owner(j, particles, nodes) for j in range(particles)]
 
 
 def test_five_particles_on_two_nodes():

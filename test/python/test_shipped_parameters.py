@@ -10,7 +10,7 @@ import yaml
 
 from rbpf_svgp_slam.experiments import cli as experiment_cli
 from rbpf_svgp_slam.experiments.plan import Options
-from rbpf_svgp_slam.maps import ENGINES, make_factory
+from rbpf_svgp_slam.maps import ENGINES, make_group
 from rbpf_svgp_slam.nested import all_names, flatten, merged
 from rbpf_svgp_slam.parameters import loading
 from rbpf_svgp_slam.parameters.known import (
@@ -85,7 +85,7 @@ def test_every_shipped_overlay_is_accepted(tree, overlay):
     differing = yaml.safe_load((config_folder() / f"{overlay}.yaml").read_text())
     parameters = validate({**merged(tree, differing), "survey_area": SQUARE})
     # the engine's group too
-    assert make_factory(parameters).minibatch_size == parameters.engine_group["minibatch_size"]
+    assert make_group(parameters).minibatch_size == parameters.engine_group["minibatch_size"]
 
 
 def test_no_shipped_overlay_is_left_out():

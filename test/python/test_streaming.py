@@ -8,12 +8,13 @@ import pytest
 import torch
 from svgp_reference import random_beams, random_parameters, set_optimal_q
 
-from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.maps import make_group
 from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.minibatch_svgp import MinibatchSvgp
 from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite
 from rbpf_svgp_slam.svgp.optimizers.streaming import FixedModel, Streaming
-from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
+from rbpf_svgp_slam.svgp.streaming_svgp import StreamingSvgp
 
 AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
 JITTER = 1e-2
@@ -48,11 +49,11 @@ def terrain(n, seed=0):
     return np.column_stack([xy, z + 0.1 * rng.standard_normal(n)]).astype(np.float32)
 
 
-def factory_for(config):
+def group_for(config):
     parameters = SimpleNamespace(
         map=SimpleNamespace(engine="svgp"), survey_area=AREA, engine_group=config.as_dict()
     )
-    return make_factory(parameters)
+    return make_group(parameters)
 
 
 def train(engine, beams, steps, seed=1):
@@ -112,22 +113,22 @@ def test_beams_that_are_not_finite_change_nothing():
 
 def test_a_streaming_map_refuses_minibatches_and_others_refuse_to_stream():
     with pytest.raises(TypeError, match="takes in the log's beams in their order"):
-        SvgpMap(SMALL, AREA).train_step(terrain(5), 5)
-    learner = SvgpMap(replace(SMALL, optimizer="natgrad"), AREA)
-    assert learner.next_beam is None
+        MinibatchSvgp(SMALL, AREA).train_step(terrain(5), 5)
+    learning = replace(SMALL, optimizer="natgrad")
+    assert getattr(MinibatchSvgp(learning, AREA), "next_beam", None) is None
     with pytest.raises(TypeError, match="learns from minibatches"):
-        learner.take_in(terrain(5))
+        StreamingSvgp(learning, AREA).take_in(terrain(5))
 
 
 def test_a_node_of_streaming_maps():
-    factory, beams = factory_for(SMALL), terrain(20000)
-    one, other = factory.create(), factory.create()
-    train(factory.teacher, beams, 60)
+    group, beams = group_for(SMALL), terrain(20000)
+    one, other = group.create(), group.create()
+    train(group.teacher, beams, 60)
     assert one.outdated
     one.rebuild(beams[:3000], 3000)
     other.rebuild(beams[:3000], 3000)
     assert not one.outdated
-    assert one._optimizer.fixed is other._optimizer.fixed  # L is computed once
+    assert one.optimizer.fixed is other.optimizer.fixed  # L is computed once
     for start in range(3000, 20000, 1000):
         one.take_in(beams[start : start + 1000])
     assert (one.next_beam, other.next_beam) == (20000, 3000)
@@ -138,41 +139,41 @@ def test_a_node_of_streaming_maps():
 
     # The beams' noise is 0.1 m.
     assert rmse(one) < min(0.115, rmse(other))
-    assert rmse(one) < 1.01 * rmse(factory.teacher)
+    assert rmse(one) < 1.01 * rmse(group.teacher)
     # Readiness is the teacher's, and travels with a copy that stands alone.
-    train(factory.teacher, beams, 300)
-    assert factory.teacher.ready and one.ready
-    assert one.objective == factory.teacher.objective
-    copy = factory.load_alone(one.to_bytes())
+    train(group.teacher, beams, 300)
+    assert group.teacher.ready and one.ready
+    assert one.objective == group.teacher.objective
+    copy = group.load_alone(one.to_bytes())
     assert copy.ready and not copy.outdated
     np.testing.assert_array_equal(copy.predict(truth[:9, :2]), one.predict(truth[:9, :2]))
     # One of the same node follows the same teacher, and shares what the others share.
-    assert one.outdated and factory.load(one.to_bytes()).outdated
+    assert one.outdated and group.load(one.to_bytes()).outdated
     one.rebuild(beams, len(beams))
-    assert factory.load(one.to_bytes())._optimizer.fixed is one._optimizer.fixed
+    assert group.load(one.to_bytes()).optimizer.fixed is one.optimizer.fixed
 
 
 def test_copies_share_what_the_node_shares():
     for config in (SMALL, SHARED):
-        factory, beams = factory_for(config), terrain(3000)
-        engine = factory.create()
-        if factory.teacher:
-            train(factory.teacher, beams, 20)
+        group, beams = group_for(config), terrain(3000)
+        engine = group.create()
+        if group.teacher:
+            train(group.teacher, beams, 20)
             engine.rebuild(beams, len(beams))
         else:
             train(engine, beams, 20)
         copy = engine.copy()
-        assert copy._optimizer.model is engine._optimizer.model
-        assert copy._group is engine._group
+        assert copy.optimizer.model is engine.optimizer.model
+        assert copy.common is engine.common
         np.testing.assert_array_equal(copy.predict(beams[:9, :2]), engine.predict(beams[:9, :2]))
-        assert not copy.outdated
+        assert not getattr(copy, "outdated", False)  # only streaming maps can be
 
 
 def test_while_it_is_rebuilt_a_map_is_what_it_was():
-    factory, beams = factory_for(SMALL), terrain(4000)
-    engine, pauses = factory.create(), []
+    group, beams = group_for(SMALL), terrain(4000)
+    engine, pauses = group.create(), []
     engine.take_in(beams[:500])  # under the first model, and with a reference of its own
-    train(factory.teacher, beams, 20)
+    train(group.teacher, beams, 20)
     before, prediction = engine.to_bytes(), engine.predict(beams[:9, :2])
 
     def look():
@@ -188,7 +189,7 @@ def test_while_it_is_rebuilt_a_map_is_what_it_was():
     engine.rebuild(beams, len(beams), look)
     assert pauses == 4 * [True]  # after each block of 1024
     assert not engine.outdated
-    whole = factory.create()
+    whole = group.create()
     whole.rebuild(beams, len(beams))
     np.testing.assert_array_equal(engine.predict(beams[:9, :2]), whole.predict(beams[:9, :2]))
 
@@ -196,15 +197,15 @@ def test_while_it_is_rebuilt_a_map_is_what_it_was():
 def test_a_rebuild_from_a_sample_costs_less_than_two_percent():
     beams, truth = terrain(60000), terrain(3000, seed=5)
     truth[:, 2] = np.sin(truth[:, 0] / 4.0) + np.cos(truth[:, 1] / 5.0) - 30.0
-    factory = factory_for(SMALL)
-    train(factory.teacher, beams, 100)
+    group = group_for(SMALL)
+    train(group.teacher, beams, 100)
     errors = []
     for sample in (60000, 100 * SMALL.inducing_points):
-        engine = factory.create()
+        engine = group.create()
         engine.rebuild(beams[:sample], len(beams))
         errors.append(np.std(engine.predict(truth[:, :2])[0] - truth[:, 2]))
     # Without the noise of the test beams, which would hide it: σ²·S/n = 1 % of the noise variance.
-    noise = np.sqrt(factory.teacher.noise_variance_m2)
+    noise = np.sqrt(group.teacher.noise_variance_m2)
     assert np.hypot(errors[1], noise) < 1.02 * np.hypot(errors[0], noise)
 
 
@@ -212,10 +213,10 @@ def test_a_rebuild_from_a_sample_costs_less_than_two_percent():
 
 
 def test_maps_that_share_their_model_factorise_it_once(monkeypatch):
-    factory, beams, calls = factory_for(SHARED), terrain(5000), []
+    group, beams, calls = group_for(SHARED), terrain(5000), []
     cholesky = linalg.cholesky
     monkeypatch.setattr(linalg, "cholesky", lambda *args: calls.append(1) or cholesky(*args))
-    maps, rng = [factory.create() for _ in range(5)], np.random.default_rng(0)
+    maps, rng = [group.create() for _ in range(5)], np.random.default_rng(0)
     for _ in range(60):
         for engine in maps:
             engine.train_step(beams[rng.integers(0, 5000, 200)], 5000)
@@ -229,27 +230,27 @@ def test_maps_that_share_their_model_factorise_it_once(monkeypatch):
 
 
 def test_predictions_follow_a_model_that_another_map_has_moved():
-    factory, beams = factory_for(replace(SHARED, natgrad_model_period=1)), terrain(5000)
-    one, other = factory.create(), factory.create()
+    group, beams = group_for(replace(SHARED, natgrad_model_period=1)), terrain(5000)
+    one, other = group.create(), group.create()
     train(one, beams, 5)
     before = one.predict(beams[:5, :2])[0]
     train(other, beams, 5)
     after = one.predict(beams[:5, :2])[0]
     assert not np.array_equal(before, after)
     # as a copy with the model of that moment, which then is left alone
-    alone = factory.load_alone(one.to_bytes())
+    alone = group.load_alone(one.to_bytes())
     np.testing.assert_array_equal(alone.predict(beams[:5, :2])[0], after)
     train(other, beams, 5)
     np.testing.assert_array_equal(alone.predict(beams[:5, :2])[0], after)
 
 
 def test_a_map_from_another_node_takes_over_this_nodes_model():
-    here, there, beams = factory_for(SHARED), factory_for(SHARED), terrain(5000)
+    here, there, beams = group_for(SHARED), group_for(SHARED), terrain(5000)
     local, remote = here.create(), there.create()
     train(local, beams, 200, seed=1)
     train(remote, beams, 200, seed=2)
     arrived = here.load(remote.to_bytes())
-    assert arrived._optimizer.model is local._optimizer.model
+    assert arrived.optimizer.model is local.optimizer.model
     truth = terrain(1000, seed=3)
 
     def rmse(engine):

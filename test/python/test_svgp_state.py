@@ -1,4 +1,4 @@
-"""Maps as bytes, settings and the factory."""
+"""Maps as bytes, settings and the group."""
 
 import io
 from dataclasses import replace
@@ -11,12 +11,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rbpf_svgp_slam.maps import load_map, make_engine_class, make_factory
+from rbpf_svgp_slam.maps import MinibatchMap, group_class, load_map, make_group
 from rbpf_svgp_slam.parameters.known import config_folder
 from rbpf_svgp_slam.svgp import state
 from rbpf_svgp_slam.svgp.config import SvgpConfig
+from rbpf_svgp_slam.svgp.group import svgp_class
+from rbpf_svgp_slam.svgp.minibatch_svgp import MinibatchSvgp
 from rbpf_svgp_slam.svgp.optimizers import OPTIMIZERS
-from rbpf_svgp_slam.svgp.svgp_map import SvgpMap
 
 AREA = [[-50.0, -30.0], [50.0, -30.0], [50.0, 30.0], [-50.0, 30.0]]
 CONFIG = SvgpConfig(
@@ -32,15 +33,20 @@ def train(engine, steps, seed=0):
     rng = np.random.default_rng(seed)
     for _ in range(steps):
         beams = rng.uniform([-50.0, -30.0, -12.0], [50.0, 30.0, -10.0], (60, 3))
-        if engine.next_beam is None:
+        if isinstance(engine, MinibatchMap):
             engine.train_step(beams.astype(np.float32), 5000)
         else:
             engine.take_in(beams.astype(np.float32))
     return engine
 
 
+def make(config):
+    """A map that stands alone."""
+    return svgp_class(config)(config, AREA)
+
+
 def trained(config=CONFIG):
-    engine = train(SvgpMap(config, AREA), 7)
+    engine = train(make(config), 7)
     engine.skipped_steps, engine.jitter_raises = 2, 3
     return engine
 
@@ -62,13 +68,13 @@ def rewritten(**changes):
 @pytest.mark.parametrize("optimizer", sorted(OPTIMIZERS))
 def test_training_goes_on_bit_for_bit(steps, dtype, optimizer):
     config = replace(CONFIG, dtype=dtype, optimizer=optimizer)
-    original = train(SvgpMap(config, AREA), steps)
-    copy = SvgpMap.from_bytes(original.to_bytes(), original.config)
+    original = train(make(config), steps)
+    copy = svgp_class(config).from_bytes(original.to_bytes(), original.config)
     assert copy.to_bytes() == original.to_bytes()
     train(original, 5, seed=3)
     train(copy, 5, seed=3)
     assert copy.to_bytes() == original.to_bytes()
-    assert torch.equal(copy._optimizer.model.flat, original._optimizer.model.flat)
+    assert torch.equal(copy.optimizer.model.flat, original.optimizer.model.flat)
     for ours, theirs in zip(copy.predict(np.eye(2)), original.predict(np.eye(2))):
         np.testing.assert_array_equal(ours, theirs)
 
@@ -76,7 +82,7 @@ def test_training_goes_on_bit_for_bit(steps, dtype, optimizer):
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 @pytest.mark.parametrize("optimizer", sorted(OPTIMIZERS))
 def test_a_copy_goes_on_as_the_original_does_and_neither_disturbs_the_other(optimizer, dtype):
-    original = train(SvgpMap(replace(CONFIG, dtype=dtype, optimizer=optimizer), AREA), 5)
+    original = train(make(replace(CONFIG, dtype=dtype, optimizer=optimizer)), 5)
     before, prediction = original.to_bytes(), original.predict(np.eye(2))
     copy = original.copy()
     train(original, 5, seed=3)
@@ -92,7 +98,7 @@ def test_a_copy_goes_on_as_the_original_does_and_neither_disturbs_the_other(opti
 
 
 def test_everything_is_restored():
-    original, copy = trained(), SvgpMap.from_bytes(BYTES, CONFIG)
+    original, copy = trained(), MinibatchSvgp.from_bytes(BYTES, CONFIG)
     for name in ("iterations", "skipped_steps", "ready", "objective", "noise_variance_m2"):
         assert getattr(copy, name) == getattr(original, name)
     assert copy.iterations == 7
@@ -102,7 +108,7 @@ def test_everything_is_restored():
 
 def test_a_copy_is_independent():
     original = trained()
-    copy = SvgpMap.from_bytes(original.to_bytes(), CONFIG)
+    copy = MinibatchSvgp.from_bytes(original.to_bytes(), CONFIG)
     train(copy, 3)
     assert original.to_bytes() == BYTES
 
@@ -115,7 +121,7 @@ def test_loads_with_the_settings_it_was_trained_with():
 
 def test_what_does_not_change_the_model_may_change():
     config = replace(CONFIG, learning_rate=0.01, convergence_window=2, minibatch_size=7)
-    engine = SvgpMap.from_bytes(BYTES, config)
+    engine = MinibatchSvgp.from_bytes(BYTES, config)
     assert engine.config == config
     assert engine.objective == trained().objective
 
@@ -130,14 +136,14 @@ def test_a_map_of_another_model_is_refused(name, value):
     with pytest.raises(
         ValueError, match=f"written with svgp/{name} {written!r}; expected {value!r}"
     ):
-        SvgpMap.from_bytes(BYTES, config)
+        MinibatchSvgp.from_bytes(BYTES, config)
 
 
 @given(length=st.integers(0, len(BYTES) - 1))
 @settings(max_examples=60, deadline=None)
 def test_truncated_bytes_are_refused(length):
     with pytest.raises(ValueError, match=f"map of {length} bytes is truncated"):
-        SvgpMap.from_bytes(BYTES[:length], CONFIG)
+        MinibatchSvgp.from_bytes(BYTES[:length], CONFIG)
 
 
 @given(position=st.integers(0, len(BYTES) - 1), bit=st.integers(0, 7))
@@ -146,7 +152,7 @@ def test_damaged_bytes_are_refused_or_harmless(position, bit):
     damaged = bytearray(BYTES)
     damaged[position] ^= 1 << bit
     try:
-        engine = SvgpMap.from_bytes(bytes(damaged), CONFIG)
+        engine = MinibatchSvgp.from_bytes(bytes(damaged), CONFIG)
     except ValueError:
         return
     # A zip file holds fields, such as dates, that nothing depends on.
@@ -157,17 +163,17 @@ def test_foreign_bytes_are_refused():
     buffer = io.BytesIO()
     np.savez(buffer, z=np.zeros(3))
     with pytest.raises(ValueError, match="map's format is missing; expected rbpf_svgp_slam/svgp"):
-        SvgpMap.from_bytes(buffer.getvalue(), CONFIG)
+        MinibatchSvgp.from_bytes(buffer.getvalue(), CONFIG)
     with pytest.raises(ValueError, match="format is other/engine; expected rbpf_svgp_slam/svgp"):
-        SvgpMap.from_bytes(rewritten(format="other/engine"), CONFIG)
+        MinibatchSvgp.from_bytes(rewritten(format="other/engine"), CONFIG)
     for foreign in (b"", b"{}", b"\x93NUMPY" + bytes(100)):
         with pytest.raises(ValueError, match="truncated or no npz file"):
-            SvgpMap.from_bytes(foreign, CONFIG)
+            MinibatchSvgp.from_bytes(foreign, CONFIG)
 
 
 def test_a_pickle_is_refused():
     with pytest.raises(ValueError, match="[pP]ickle"):
-        SvgpMap.from_bytes(rewritten(config=np.array({"a": 1}, dtype=object)), CONFIG)
+        MinibatchSvgp.from_bytes(rewritten(config=np.array({"a": 1}, dtype=object)), CONFIG)
 
 
 @pytest.mark.parametrize(
@@ -185,7 +191,7 @@ def test_a_pickle_is_refused():
 )
 def test_malformed_entries_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
-        SvgpMap.from_bytes(rewritten(**changes), CONFIG)
+        MinibatchSvgp.from_bytes(rewritten(**changes), CONFIG)
 
 
 @pytest.mark.parametrize("optimizer", sorted(OPTIMIZERS))
@@ -202,10 +208,10 @@ def test_documented_entries_are_those_written(optimizer):
 
 def test_a_map_of_another_optimizer_lacks_what_this_one_needs():
     with pytest.raises(ValueError, match="written with svgp/optimizer 'adam'; expected 'natgrad'"):
-        SvgpMap.from_bytes(BYTES, replace(CONFIG, optimizer="natgrad"))
+        MinibatchSvgp.from_bytes(BYTES, replace(CONFIG, optimizer="natgrad"))
 
 
-# Settings and factory
+# Settings and group
 
 
 def test_the_papers_overlay_is_the_papers():
@@ -260,17 +266,17 @@ def parameters(engine="svgp"):
     return SimpleNamespace(map=SimpleNamespace(engine=engine), survey_area=area, engine_group=group)
 
 
-def test_factory_makes_equal_maps_about_the_survey_origin():
-    factory = make_factory(parameters())
-    first, second = factory.create(), factory.create()
-    assert factory.minibatch_size == 60
-    assert first.to_bytes() == second.to_bytes() == SvgpMap(CONFIG, AREA).to_bytes()
+def test_a_group_makes_equal_maps_about_the_survey_origin():
+    group = make_group(parameters())
+    first, second = group.create(), group.create()
+    assert group.minibatch_size == 60
+    assert first.to_bytes() == second.to_bytes() == MinibatchSvgp(CONFIG, AREA).to_bytes()
     assert np.abs(first.support_points()[:, :2]).max(axis=0).tolist() < [50.0, 30.0]
-    assert factory.load(BYTES).to_bytes() == BYTES
+    assert group.load(BYTES).to_bytes() == BYTES
 
 
 def test_unknown_engine_is_refused():
     with pytest.raises(ValueError, match="map/engine is 'grid'; expected one of svgp"):
-        make_engine_class("grid")
+        group_class("grid")
     with pytest.raises(ValueError, match="map/engine is 'grid'"):
-        make_factory(parameters(engine="grid"))
+        make_group(parameters(engine="grid"))

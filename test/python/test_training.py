@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from rospy import rostime
 
-from rbpf_svgp_slam.map_node import training
+from rbpf_svgp_slam.map_node import stream_training, training
 from rbpf_svgp_slam.map_node.background import AtOnce, carry_out
 from rbpf_svgp_slam.map_node.core_client import Beams, Minibatches
 from rbpf_svgp_slam.map_node.map_store import MapStore
-from rbpf_svgp_slam.map_node.training import MinibatchTraining, StreamTraining
-from rbpf_svgp_slam.maps import make_factory
+from rbpf_svgp_slam.map_node.stream_training import StreamTraining
+from rbpf_svgp_slam.map_node.training import MinibatchTraining
+from rbpf_svgp_slam.maps import make_group
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 
 AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
@@ -70,10 +71,11 @@ def core(monkeypatch):
         return core
 
     monkeypatch.setattr(training, "MinibatchFeed", feed)
-    monkeypatch.setattr(training, "BeamReader", lambda: core)
-    monkeypatch.setattr(training, "REBUILD_SHARE", 1.0)  # no pauses
-    monkeypatch.setattr(training, "READ_PERIOD_S", 0.0)
-    monkeypatch.setattr(training, "Background", lambda name: AtOnce())
+    monkeypatch.setattr(stream_training, "MinibatchFeed", feed)
+    monkeypatch.setattr(stream_training, "BeamReader", lambda: core)
+    monkeypatch.setattr(stream_training, "REBUILD_SHARE", 1.0)  # no pauses
+    monkeypatch.setattr(stream_training, "READ_PERIOD_S", 0.0)
+    monkeypatch.setattr(stream_training, "Background", lambda name: AtOnce())
     return core
 
 
@@ -83,9 +85,9 @@ def make(training_class, optimizer, particles=3):
         survey_area=AREA,
         engine_group={**CONFIG.as_dict(), "optimizer": optimizer},
     )
-    factory = make_factory(parameters)
-    store = MapStore(0, particles, 1, factory)
-    return store, factory, training_class(store, factory, lambda: None)
+    group = make_group(parameters)
+    store = MapStore(0, particles, 1, group)
+    return store, group, training_class(store, group, lambda: None)
 
 
 def test_minibatches_train_every_map_in_turn(core):
@@ -108,19 +110,19 @@ def test_a_map_that_fails_does_not_stop_the_others(core, monkeypatch):
 
 
 def test_streaming_maps_take_in_all_beams_of_their_own_particle_once(core):
-    store, factory, node = make(StreamTraining, "streaming")
+    store, group, node = make(StreamTraining, "streaming")
     taught_with = []
     for core.N in (100, 1000, 2200):
         for _ in range(6):
             node.advance()
             taught_with += core.asked
     assert taught_with == [0, 1, 2] * 6
-    assert factory.teacher.iterations == 18
+    assert group.teacher.iterations == 18
     for j, engine in store.maps().items():
         assert engine.next_beam == 2200
-        alone = factory.create()
+        alone = group.create()
         alone.rebuild(core.placed(j, np.arange(2200)), 2200)
-        if engine._optimizer.fixed is alone._optimizer.fixed:
+        if engine.optimizer.fixed is alone.optimizer.fixed:
             # Sums in another order, of correlations in single precision.
             mean, _ = engine.predict(core.log[:50, :2])
             np.testing.assert_allclose(mean, alone.predict(core.log[:50, :2])[0], atol=1e-3)
@@ -128,28 +130,28 @@ def test_streaming_maps_take_in_all_beams_of_their_own_particle_once(core):
 
 
 def test_maps_are_up_to_date_before_the_teacher_goes_on(core):
-    store, factory, node = make(StreamTraining, "streaming")
+    store, group, node = make(StreamTraining, "streaming")
     core.N = 100
     node.advance()
-    steps = factory.teacher.iterations
+    steps = group.teacher.iterations
     core.N, core.particles = 10000, lambda: []  # a turn without rounds
     node.advance()
     assert [engine.next_beam for engine in store.maps().values()] == [10000] * 3
-    assert factory.teacher.iterations == steps
+    assert group.teacher.iterations == steps
 
 
 def test_a_map_that_takes_in_nothing_does_not_hold_up_the_others(core, monkeypatch):
-    store, factory, node = make(StreamTraining, "streaming")
+    store, group, node = make(StreamTraining, "streaming")
     core.N = 5000
     monkeypatch.setattr(store.maps()[1], "take_in", lambda beams: 1 / 0)
     monkeypatch.setattr(store, "outdated", lambda: [])
     node.advance()
     assert [engine.next_beam for engine in store.maps().values()] == [5000, 0, 5000]
-    assert factory.teacher.iterations == 1
+    assert group.teacher.iterations == 1
 
 
 def test_maps_are_rebuilt_in_turn_and_from_a_sample_of_a_long_log(core):
-    store, factory, node = make(StreamTraining, "streaming")
+    store, group, node = make(StreamTraining, "streaming")
     core.N = 20000
     for _ in range(20):
         node.advance()
@@ -157,7 +159,7 @@ def test_maps_are_rebuilt_in_turn_and_from_a_sample_of_a_long_log(core):
     # 20 rebuilds over 3 maps, and blocks: a rebuilt map has the whole log at once
     assert all(engine.next_beam == 20000 for engine in store.maps().values())
     for _ in range(60):
-        factory.teacher.train_step(core.placed(0, core.rng.integers(0, 20000, 100)), 20000)
+        group.teacher.train_step(core.placed(0, core.rng.integers(0, 20000, 100)), 20000)
     assert len(store.outdated()) == 3
     node.advance()
     assert len(store.outdated()) < 3
@@ -222,12 +224,12 @@ class Later:
 
 def test_the_teacher_goes_on_while_beams_are_on_their_way(core, monkeypatch):
     later = Later()
-    monkeypatch.setattr(training, "Background", lambda name: later)
-    store, factory, node = make(StreamTraining, "streaming")
+    monkeypatch.setattr(stream_training, "Background", lambda name: later)
+    store, group, node = make(StreamTraining, "streaming")
     core.N = 1000
     for _ in range(5):
         node.advance()
-    assert factory.teacher.iterations == 5
+    assert group.teacher.iterations == 5
     assert {engine.next_beam for engine in store.maps().values()} == {0}
     while later.calls:
         later.answer()
@@ -238,7 +240,7 @@ def test_the_teacher_goes_on_while_beams_are_on_their_way(core, monkeypatch):
 
 def test_beams_that_a_resampling_overtakes_are_asked_for_again(core, monkeypatch):
     later = Later()
-    monkeypatch.setattr(training, "Background", lambda name: later)
+    monkeypatch.setattr(stream_training, "Background", lambda name: later)
     store, _, node = make(StreamTraining, "streaming")
     core.N = 1000
     node.advance()

@@ -45,13 +45,13 @@ def replay(monkeypatch):
     return replay
 
 
-def make_feed(replay, particles=lambda: [0, 1], maps=2):
+def make_feed(replay, particles=lambda: [0, 1], per_round=2):
     class Feed(TurnFeed):
         def _take_turn(self, status):
             return replay.take_turn(status)
 
     steps = iter(range(100))
-    return Feed(particles, SIZE, lambda: 0, maps, lambda: MapStatus(steps=next(steps)))
+    return Feed(particles, SIZE, lambda: 0, per_round, lambda: MapStatus(steps=next(steps)))
 
 
 def test_a_turn_has_a_minibatch_for_each_map_and_round(replay):
@@ -64,7 +64,7 @@ def test_a_turn_has_a_minibatch_for_each_map_and_round(replay):
 
 
 def test_a_teacher_gets_as_many_minibatches_as_there_are_maps(replay):
-    feed = make_feed(replay, particles=lambda: [1], maps=3)
+    feed = make_feed(replay, particles=lambda: [1], per_round=3)
     feed.take(SHORT_S)
     replay.rounds.put(2)
     for _ in range(6):
@@ -94,6 +94,16 @@ def test_a_turn_without_rounds_tells_how_long_the_log_is(replay):
     assert (len(reply.beams), reply.beams_in_log) == (0, 100)
     assert feed.take(SHORT_S) is None
     assert replay.asked == [[]]
+
+
+def test_maps_that_want_no_minibatches_get_one_reply_a_turn_whatever_its_rounds(replay):
+    feed = make_feed(replay, particles=lambda: [], per_round=0)
+    feed.take(SHORT_S)
+    for turn in range(2):
+        replay.rounds.put(7)
+        assert feed.take(SOON_S).beams_in_log == 100
+        assert feed.take(SHORT_S) is None
+    assert replay.asked == [[]] * 2
 
 
 def test_minibatches_that_do_not_come_are_asked_for_again(replay):

@@ -3,7 +3,6 @@
 
 import signal
 import subprocess
-import threading
 import time
 import unittest
 
@@ -11,6 +10,7 @@ import numpy as np
 import roslib.packages
 import rospy
 import rostest
+from node_services import PATIENCE_S, at_once, service, wait_until
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2
 
@@ -21,7 +21,6 @@ from rbpf_svgp_slam.protocol.payload import pack, split, unpack
 PARTICLES, NODES = 5, 2
 OWN = [range(0, 3), range(3, 5)]
 TIMEOUT_S = 2.0  # resampling/timeout_s
-PATIENCE_S = 20.0  # for what must happen; reached only by a bug
 
 
 class FakeCore:
@@ -55,20 +54,6 @@ class FakeCore:
             beams_in_log=self.beams_in_log,
             beams=beams if self.beams_override is None else self.beams_override,
         )
-
-
-def service(node, name, service_class):
-    full_name = f"svgp_node_{node}/{name}"
-    rospy.wait_for_service(full_name, PATIENCE_S)
-    return rospy.ServiceProxy(full_name, service_class)
-
-
-def wait_until(condition, what, patience_s=PATIENCE_S):
-    deadline_s = time.monotonic() + patience_s
-    while not condition():
-        if time.monotonic() > deadline_s:
-            raise AssertionError(f"waited {patience_s:g} s in vain for {what}")
-        time.sleep(0.01)
 
 
 class ResamplingTest(unittest.TestCase):
@@ -113,16 +98,7 @@ class ResamplingTest(unittest.TestCase):
 
     def prepare_all(self, epoch, ancestors):
         self.core.resampling = True
-        replies = [None] * NODES
-
-        def call(k):
-            replies[k] = self.prepare[k](epoch, ancestors)
-
-        threads = [threading.Thread(target=call, args=(k,)) for k in range(NODES)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+        replies = at_once([lambda node=node: node(epoch, ancestors) for node in self.prepare])
         for reply in replies:
             self.assertTrue(reply.success, reply.message)
         return replies

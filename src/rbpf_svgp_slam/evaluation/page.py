@@ -34,5 +34,5 @@ def render(run: SurveyRun, evaluation: Evaluation) -> str:
         report=evaluation.report,
         figures=figures,
         parameters=list(flatten(run.config)),
-        inducing_points=len(run.inducing_points),
+        support=f"{len(run.support_points)} {run.support_label}",
     )

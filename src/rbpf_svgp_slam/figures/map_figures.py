@@ -73,7 +73,7 @@ def grid_of_beams(run: SurveyRun, poses: np.ndarray, beams: np.ndarray) -> GridM
 
 
 def posterior(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw the map's posterior: its mean, and its variance with the inducing points."""
+    """Draw the map's posterior: its mean, and its variance with the support points."""
     grid = run.map
     if not np.isfinite(grid.mean).any():
         return None
@@ -88,8 +88,8 @@ def posterior(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     if has_variance:
         _draw_variance(panels.flat[1], run)
         caption += ", and the variance of its latent depth, on a logarithmic scale"
-        if len(run.inducing_points):
-            caption += f", with the {len(run.inducing_points)} inducing points (dots)"
+        if len(run.support_points):
+            caption += f", with the {len(run.support_points)} {run.support_label} (dots)"
     return figure, caption + "."
 
 
@@ -102,10 +102,10 @@ def _draw_variance(axes: Axes, run: SurveyRun) -> None:
     image = style.draw_grid(axes, grid.x, grid.y, grid.variance, cmap=style.SPREAD_MAP, **limits)
     style.colour_bar(image, "variance of latent depth (m²)")
     dots = {"s": 7, "color": "white", "edgecolor": "black", "linewidth": 0.6}
-    axes.scatter(*run.inducing_points[:, :2].T, **dots)
+    axes.scatter(*run.support_points[:, :2].T, **dots)
     axes.set_xlim(*image.get_extent()[:2])
     axes.set_ylim(*image.get_extent()[2:])
-    points = " and inducing points" if len(run.inducing_points) else ""
+    points = f" and {run.support_label}" if len(run.support_points) else ""
     style.map_axes(axes, f"Posterior variance{points}")
 
 

@@ -11,8 +11,8 @@ from typing import Any, Callable
 class Background:
     """One call after the other, on a thread of its own.
 
-    As an executor of concurrent.futures, but for the end: that waits for the call under way, which
-    a host that has gone may never answer.
+    Like an executor of concurrent.futures, which however waits for the call under way before the
+    program ends: a host that has gone may never answer it.
     """
 
     def __init__(self, name: str) -> None:
@@ -44,5 +44,5 @@ def carry_out(future: Future, call: Callable, arguments: tuple) -> None:
     """A call's result or exception into its future."""
     try:
         future.set_result(call(*arguments))
-    except Exception as error:  # whatever it is, the one who waits must hear of it
+    except Exception as error:  # whatever it is: whoever waits must be told
         future.set_exception(error)

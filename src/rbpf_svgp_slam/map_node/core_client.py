@@ -1,40 +1,63 @@
 """Fetches beams from the core: minibatches ahead of the training, and the log in its order.
 
-Under an offline replay minibatches are not asked for ahead, but in turns: see turns.py.
+The log is that of all beams, less the pings held out for the evaluation and those *held back*:
+pings that are too young to be mapped (mapping/hold_back_s), since a ping must not be matched with
+its own neighbours. Under an offline replay minibatches are not asked for ahead, but in turns: see
+turns.py.
 """
 
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
+from concurrent.futures import Future, wait
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Sequence
+from typing import Any, Callable, Protocol, Sequence
 
 import numpy as np
 import rospy
 
+from rbpf_svgp_slam.map_node.background import Background
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.payload import BadRequest, unpack
 from rbpf_svgp_slam.srv import GetBeams, GetBeamsResponse, GetMinibatches, GetMinibatchesResponse
 
-# Between two questions to a core that has no beams yet.
+# Pause between two questions to a core that has no beams yet.
 EMPTY_LOG_PAUSE_S = 0.25
-# Between two attempts to reach a core that is not there: doubled from the first to the second.
+# Pause between two attempts to reach a core that is not there: the first, doubled up to the second.
 BACK_OFF_S = (0.2, 2.0)
 WARNING_PERIOD_S = 30.0
-# Of a question for several rounds: at 1000 beams a map some 80 minibatches, a second of training.
+# Several rounds are asked for at once as long as their beams are no more than this: at 1000 beams
+# some 80 minibatches, a second of training.
 LARGEST_REPLY_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
 class Minibatches:
-    """One reply of the core: a minibatch for each of the node's maps."""
+    """One reply of the core: a minibatch for each particle that was asked for.
+
+    Both epochs count the resamplings committed (see resampling_phases.py).
+    """
 
     asked_epoch: int  # the node's own when it asked
     epoch: int  # the core's when it placed the beams
     resampling: bool  # a resampling is under way at the core
     beams_in_log: int  # N
     beams: np.ndarray  # [P, M, 3] m, x and y relative to the survey origin
+
+
+class Feed(Protocol):
+    """Where training has its minibatches from."""
+
+    def take(self, timeout_s: float) -> Minibatches | None:
+        """The next ones; none if there are none within the timeout."""
+
+    def refresh(self) -> None:
+        """Let the next reply be one to a question asked from now on."""
+
+    def stop(self) -> None:
+        """Ask for no more."""
 
 
 class PersistentService:
@@ -49,7 +72,7 @@ class PersistentService:
         """The response; raises whatever keeps it from coming."""
         try:
             if self._proxy is None:
-                # Connecting blindly to a core that has gone logs a traceback for every attempt.
+                # Wait first: connecting to a core that has gone logs a traceback every time.
                 rospy.wait_for_service(self._name, timeout=BACK_OFF_S[1])
                 self._proxy = rospy.ServiceProxy(self._name, self._service_class, persistent=True)
             return self._proxy(*request)
@@ -89,8 +112,9 @@ class MinibatchClient:
 class MinibatchFeed:
     """A thread that keeps a reply ready, so that training need not wait for the network.
 
-    A reply holds some rounds, of a minibatch for each map: twice as many as before whenever
-    training has used up one before the next was there.
+    A *round* is a minibatch for each of some particles: for each of a node's, if every map learns
+    from its own. A reply holds some rounds, twice as many as before whenever training has used up
+    one reply before the next was there.
     """
 
     def __init__(
@@ -160,7 +184,7 @@ class MinibatchFeed:
             except BadRequest as error:
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "minibatches refused: %s", error)
                 rounds = []
-            except Exception as error:  # whatever it is: without this thread training would end
+            except Exception as error:  # whatever it is: without this thread there is no training
                 if self._stopped.is_set() or rospy.is_shutdown():
                     return
                 rospy.logwarn_throttle(WARNING_PERIOD_S, "no minibatches: %s", error)
@@ -187,6 +211,50 @@ class MinibatchFeed:
         if reply is None:
             return []
         return [replace(reply, beams=beams) for beams in np.split(reply.beams, len(rounds))]
+
+
+class LogFeed:
+    """In place of a MinibatchFeed for maps that want none: tells now and then how long the log is.
+
+    Its replies hold no minibatches, but N and the epoch.
+    """
+
+    def __init__(self, epoch: Callable[[], int], period_s: float) -> None:
+        """epoch: the node's own; period_s: rest after each reply."""
+        # No beams, whatever the size, but the core wants one from 1.
+        self._client = MinibatchClient(1, epoch)
+        self._period_s = period_s
+        # A host that has gone may never answer: then the node must not hang with it.
+        self._calls = Background("log")
+        self._question: Future | None = None
+        self._next_s = 0.0  # monotonic
+
+    def take(self, timeout_s: float) -> Minibatches | None:
+        """The next reply; none while resting, or if there is none within the timeout."""
+        if self._question is None:
+            rest_s = self._next_s - time.monotonic()
+            if rest_s > 0.0:
+                time.sleep(min(rest_s, timeout_s))
+                return None
+            self._question = self._calls.submit(self._client.ask, [])
+        wait([self._question], timeout_s)
+        if not self._question.done():
+            return None
+        question, self._question = self._question, None
+        self._next_s = time.monotonic() + self._period_s
+        try:
+            return question.result()
+        except Exception as error:  # whatever it is: the next question may be answered
+            if not rospy.is_shutdown():
+                rospy.logwarn_throttle(WARNING_PERIOD_S, "no answer from the core: %s", error)
+            return None
+
+    def refresh(self) -> None:
+        """Let the next reply be one to a question asked from now on."""
+        self._question, self._next_s = None, 0.0
+
+    def stop(self) -> None:
+        """Nothing is asked for but in `take`."""
 
 
 @dataclass(frozen=True)

@@ -18,15 +18,16 @@ from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.survey_area.grid import survey_grid
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
+# Of the published map, whose grid is coarsened to that.
 MAX_POINTS = 40000
-# Points predicted between two training steps: about as long as one of these.
+# Points predicted between two training steps, which takes about as long as a step.
 CHUNK_POINTS = 1000
 
 
 class MapPublisher:
-    """Topics map/mean, map/variance and map/inducing_points, from the node with the best particle.
+    """Topics map/mean, map/variance and the map's support points, from the best particle's node.
 
-    Owned by the training thread, which lends it a moment between two steps.
+    Works on the training thread, a moment between every two steps.
     """
 
     def __init__(self, store: MapStore, parameters: NodeParameters) -> None:
@@ -36,8 +37,8 @@ class MapPublisher:
         self._origin = survey_origin(parameters.survey_area)
         self._points = survey_grid(parameters.survey_area, parameters.map.resolution_m, MAX_POINTS)
         self._mean, self._variance, self._support = (
-            rospy.Publisher(f"map/{name}", PointCloud2, queue_size=1)
-            for name in ("mean", "variance", "inducing_points")
+            rospy.Publisher(name, PointCloud2, queue_size=1)
+            for name in (names.MAP_MEAN, names.MAP_VARIANCE, names.MAP_SUPPORT_POINTS)
         )
         self._best_particle: int | None = None
         self._job: Iterator[None] | None = None
@@ -68,8 +69,8 @@ class MapPublisher:
     def _publish(self, particle: int) -> Iterator[None]:
         """Predict a copy of the map over the grid, yielding after each chunk, and publish it."""
         header = Header(stamp=rospy.Time.now(), frame_id=self._frame)
-        engine = self._store.snapshot(particle)
-        support = np.asarray(engine.support_points())
+        snapshot = self._store.snapshot(particle)
+        support = np.asarray(snapshot.support_points())
         x, y, z = support[:, 0] + self._origin[0], support[:, 1] + self._origin[1], support[:, 2]
         self._support.publish(point_cloud(header, {"x": x, "y": y, "z": z}))
         yield
@@ -78,8 +79,8 @@ class MapPublisher:
             for first in range(0, len(self._points), CHUNK_POINTS):
                 chunk = slice(first, first + CHUNK_POINTS)
                 xy = (self._points[chunk] - self._origin).astype(np.float32)
-                with self._store.turn():
-                    mean[chunk], variance[chunk] = engine.predict(xy)
+                with self._store.exclusive():
+                    mean[chunk], variance[chunk] = snapshot.predict(xy)
                 yield
             xyz = {"x": self._points[:, 0], "y": self._points[:, 1], "z": mean}
             std = np.sqrt(np.maximum(variance, 0.0))

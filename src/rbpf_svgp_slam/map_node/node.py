@@ -15,16 +15,17 @@ from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.map_node.map_publisher import MapPublisher
 from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.map_node.peers import Peers
-from rbpf_svgp_slam.map_node.training import MinibatchTraining, StreamTraining
-from rbpf_svgp_slam.maps import MapFactory
+from rbpf_svgp_slam.map_node.stream_training import StreamTraining
+from rbpf_svgp_slam.map_node.training import MinibatchTraining
+from rbpf_svgp_slam.maps import MapGroup, StreamMap
 from rbpf_svgp_slam.msg import MapStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.payload import BadRequest, pack, unpack
 
 STATUS_PERIOD_S = 0.5
-# Shares of resampling/timeout_s, the core's own patience: who waits for others gives up before
-# those who wait for him, so that the reason travels back.
+# Shares of resampling/timeout_s, the core's own patience. A map node times out before the core that
+# waits for it, and before that the node that it fetches maps from: so the reason is passed on.
 FETCH_SHARE = 0.8
 FREEZE_SHARE = 0.6
 ERROR_PERIOD_S = 10.0
@@ -42,7 +43,7 @@ def answers_bad_requests(response_class: type) -> Callable:
             except BadRequest as error:
                 message = str(error)
                 rospy.logerr("%s refused: %s", service, message)
-            except Exception as error:  # a bug or no memory: this request fails, the node lives on
+            except Exception as error:  # a bug, or out of memory: only this request fails
                 message = f"{type(error).__name__}: {error}"
                 rospy.logerr("%s failed: %s", service, traceback.format_exc())
             return response_class(success=False, message=message)
@@ -55,12 +56,13 @@ def answers_bad_requests(response_class: type) -> Callable:
 class MapNode:
     """Services and topics around a MapStore, and the training loop."""
 
-    def __init__(self, index: int, parameters: NodeParameters, factory: MapFactory) -> None:
+    def __init__(self, index: int, parameters: NodeParameters, group: MapGroup) -> None:
+        """index: 0 .. nodes - 1; group: the maps of this node, which say how they are trained."""
         torch.set_num_threads(parameters.map.threads)
         self._index = index
         self._engine = parameters.map.engine
         self._timeout_s = parameters.resampling_timeout_s
-        self._store = MapStore(index, parameters.particles, parameters.nodes, factory)
+        self._store = MapStore(index, parameters.particles, parameters.nodes, group)
         self._peers = Peers(self._engine, FETCH_SHARE * self._timeout_s)
         self._publisher = MapPublisher(self._store, parameters)
         self._status = rospy.Publisher("~status", MapStatus, queue_size=2)
@@ -71,10 +73,11 @@ class MapNode:
             rospy.Service("~commit_resampling", srv.CommitResampling, self._commit),
             rospy.Service("~get_maps", srv.GetMaps, self._get_maps),
         ]
-        training_class = MinibatchTraining if factory.teacher is None else StreamTraining
+        streams = issubclass(group.map_class, StreamMap)
+        training_class = StreamTraining if streams else MinibatchTraining
         in_turns = rospy.get_param(names.TAKE_TURNS, False)
         self._training = training_class(
-            self._store, factory, self._between_steps, self._make_status if in_turns else None
+            self._store, group, self._between_steps, self._make_status if in_turns else None
         )
 
     def spin(self) -> None:
@@ -96,7 +99,7 @@ class MapNode:
             self._status.publish(self._make_status())
         try:
             self._publisher.advance()
-        except Exception as error:  # a picture is not worth a map
+        except Exception as error:  # training goes on without a picture
             rospy.logerr_throttle(ERROR_PERIOD_S, f"publishing the map failed: {error!r}")
 
     def _make_status(self) -> MapStatus:
@@ -105,9 +108,9 @@ class MapNode:
             node=self._index,
             epoch=self._store.epoch,
             particles=list(self._store.own),
-            iterations=[engine.iterations for engine in maps],
-            ready=[engine.ready for engine in maps],
-            objective=[engine.objective for engine in maps],
+            iterations=[one.iterations for one in maps],
+            ready=[one.ready for one in maps],
+            objective=[one.objective for one in maps],
             steps=self._store.steps,
             skipped_steps=self._store.skipped_steps,
             # Linux counts in units of 1024 bytes.
@@ -149,11 +152,11 @@ class MapNode:
 
     @answers_bad_requests(srv.PrepareResamplingResponse)
     def _prepare(self, request: srv.PrepareResamplingRequest) -> srv.PrepareResamplingResponse:
-        moved = self._store.prepare(
+        fetched = self._store.prepare(
             request.epoch, request.ancestors, self._peers.fetch, self._timeout_s
         )
         return srv.PrepareResamplingResponse(
-            success=True, maps_fetched=moved.maps, bytes_fetched=moved.bytes
+            success=True, maps_fetched=fetched.maps, bytes_fetched=fetched.bytes
         )
 
     @answers_bad_requests(srv.CommitResamplingResponse)

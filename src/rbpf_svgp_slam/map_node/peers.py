@@ -29,7 +29,7 @@ class Peers:
         answers: queue.SimpleQueue[tuple[int, GetMapsResponse | Exception]] = queue.SimpleQueue()
         proxies = {}
         for owner, particles in wanted.items():
-            # Persistent for being closed from here, if the peer does not answer in time.
+            # Persistent, so that it can be closed from here if the peer does not answer in time.
             proxies[owner] = rospy.ServiceProxy(names.get_maps(owner), GetMaps, persistent=True)
             threading.Thread(
                 target=_ask, args=(owner, proxies[owner], epoch, particles, answers), daemon=True
@@ -79,5 +79,5 @@ def _ask(
 ) -> None:
     try:
         answers.put((owner, proxy(epoch, particles)))
-    except Exception as error:  # whatever it is, the one who waits must hear of it
+    except Exception as error:  # whatever it is: whoever waits must be told
         answers.put((owner, error))

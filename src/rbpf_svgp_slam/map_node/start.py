@@ -26,10 +26,10 @@ def _run(parameters: NodeParameters) -> int:
     import rospy
 
     from rbpf_svgp_slam.map_node.node import MapNode
-    from rbpf_svgp_slam.maps import make_factory
+    from rbpf_svgp_slam.maps import make_group
 
     try:
-        factory = make_factory(parameters)
+        maps = make_group(parameters)
     except (ValueError, NotImplementedError) as error:  # the engine's own parameters
         raise ParameterError(f"{names.PARAMETERS}/{error}") from None
     rospy.init_node("svgp_node")
@@ -40,5 +40,5 @@ def _run(parameters: NodeParameters) -> int:
         raise ParameterError(
             f"the node's name is {own_name}; expected {names.map_node(index)}, by ~index"
         )
-    MapNode(index, parameters, factory).spin()
+    MapNode(index, parameters, maps).spin()
     return 0

@@ -1,7 +1,9 @@
-"""Work under an offline replay, which goes on in turns with its map nodes.
+"""Work under an offline replay, which alternates with its map nodes.
 
-Within its turn a node does what the replay grants it, and tells how it stands at the end; until the
-next turn it does nothing. So a run depends on nothing but its bag, parameters and seed.
+A *turn* is what a node does between two pieces of the survey that the replay takes in: the replay
+grants it some rounds, a minibatch for each of its maps, the node does them, and tells its state at
+the end. Until the next turn it does nothing. So a run depends on nothing but its bag, parameters
+and seed.
 """
 
 from __future__ import annotations
@@ -25,24 +27,27 @@ from rbpf_svgp_slam.msg import MapStatus
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.srv import TakeTurn
 
-# The node's exact state, asked for when it has finished its turn.
+# Returns the node's exact state; called when it has finished its turn.
 EndTurn = Callable[[], MapStatus]
 
 
 class TurnFeed:
-    """In place of a MinibatchFeed: as many minibatches as a turn has room for, none ahead of it."""
+    """In place of a MinibatchFeed: as many minibatches as a turn grants, none asked for ahead."""
 
     def __init__(
         self,
         particles: Callable[[], Sequence[int]],
         size: int,
         epoch: Callable[[], int],
-        maps: int,
+        per_round: int,
         end_turn: EndTurn,
     ) -> None:
-        """particles, size, epoch: as of a MinibatchFeed; maps: minibatches in a round."""
+        """particles, size, epoch: as of a MinibatchFeed; per_round: minibatches in a round.
+
+        end_turn: the node's state, to be sent to the replay.
+        """
         self._particles = particles
-        self._maps = maps
+        self._per_round = per_round
         self._end_turn = end_turn
         self._client = MinibatchClient(size, epoch)
         self._left: int | None = 0  # minibatches in this turn; none while waiting for the next
@@ -63,7 +68,7 @@ class TurnFeed:
         """
         if self._left is None:
             try:
-                self._left = self._maps * self._rounds.get(timeout=timeout_s)
+                self._left = self._per_round * self._rounds.get(timeout=timeout_s)
             except queue.Empty:
                 return None
             self._answered = False

@@ -1,12 +1,22 @@
-"""Maps of the seabed behind one interface; `map/engine` chooses what is behind it."""
+"""Maps of the seabed behind two contracts; `map/engine` chooses what is behind them.
 
-from rbpf_svgp_slam.maps.engine import MapEngine
-from rbpf_svgp_slam.maps.factory import (
-    ENGINES,
-    MapFactory,
-    load_map,
-    make_engine_class,
-    make_factory,
-)
+Nothing here imports numpy or an engine before it is needed: the parameters, among them the number
+of threads, are checked against the registry first.
+"""
 
-__all__ = ["ENGINES", "MapEngine", "MapFactory", "load_map", "make_engine_class", "make_factory"]
+from rbpf_svgp_slam.maps.map_group import MapGroup
+from rbpf_svgp_slam.maps.minibatch_map import MinibatchMap
+from rbpf_svgp_slam.maps.registry import ENGINES, group_class, load_map, make_group
+from rbpf_svgp_slam.maps.seabed_map import SeabedMap
+from rbpf_svgp_slam.maps.stream_map import StreamMap
+
+__all__ = [
+    "ENGINES",
+    "MapGroup",
+    "MinibatchMap",
+    "SeabedMap",
+    "StreamMap",
+    "group_class",
+    "load_map",
+    "make_group",
+]

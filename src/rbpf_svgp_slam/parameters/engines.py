@@ -2,5 +2,6 @@
 
 from __future__ import annotations
 
-#: Name under `map/engine`, which is also the engine's parameter group: module and class.
-ENGINES = {"svgp": ("rbpf_svgp_slam.svgp.svgp_map", "SvgpMap")}
+#: Name under `map/engine`, which is also that of the engine's parameter group, to module and class
+#: of its `MapGroup` (maps/map_group.py).
+ENGINES = {"svgp": ("rbpf_svgp_slam.svgp.group", "SvgpGroup")}

@@ -11,6 +11,11 @@ GET_BEAMS = f"{CORE}/get_beams"
 GET_PINGS = f"{CORE}/get_pings"
 TAKE_TURN = f"{CORE}/take_turn"
 FINISH = f"{CORE}/finish"
+#: Topics of the best particle's map, published by its node.
+MAP_MEAN = "map/mean"
+MAP_VARIANCE = "map/variance"
+#: The map's `support_points`. The topic has its name from the engine that was the first.
+MAP_SUPPORT_POINTS = "map/inducing_points"
 #: Parameter that an offline replay sets before its map nodes start.
 TAKE_TURNS = f"{CORE}/take_turns"
 #: Parameters by which an offline replay says that it is through, and how long it took.

@@ -21,6 +21,8 @@ from rbpf_svgp_slam.npz import READING_ERRORS
 from rbpf_svgp_slam.run.survey_run import GridMap, Predict, StoredMap, SurveyRun, TimeLapse
 from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum, write_tum
 
+# Array of map.npz, which has its name from the engine that was the first.
+_SUPPORT_POINTS = "inducing_points"
 _TIME_LAPSE = ("t_s", "x", "y", "mean")
 _STAMP_TOLERANCE_S = 1e-6  # TUM files hold nine decimals, doubles of today's stamps seven
 
@@ -124,7 +126,7 @@ def load_tracks(out_dir: str | Path) -> SurveyRun:
         map=GridMap(np.empty(0), np.empty(0), np.empty((0, 0))),
         predict=lambda xy: (np.full(len(xy), np.nan), np.full(len(xy), np.nan)),
         noise_variance_m2=np.nan,
-        inducing_points=np.empty((0, 3)),
+        support_points=np.empty((0, 3)),
         statistics=statistics,
         config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
         **others,
@@ -162,7 +164,7 @@ def _save_map(run: SurveyRun, path: Path) -> None:
         mean=run.map.mean,
         variance=variance,
         noise_variance_m2=run.noise_variance_m2,
-        inducing_points=run.inducing_points,
+        **{_SUPPORT_POINTS: run.support_points},
         **stored,
     )
 
@@ -173,7 +175,8 @@ def _load_map(path: Path) -> tuple[GridMap, Predict, dict[str, Any]]:
     grid = GridMap(file["x"], file["y"], file["mean"], file["variance"])
     extras = {
         "noise_variance_m2": float(file.get("noise_variance_m2", 0.0)),
-        "inducing_points": file.get("inducing_points", np.empty((0, 3))),
+        "support_points": file.get(_SUPPORT_POINTS, np.empty((0, 3))),
+        "support_label": _SUPPORT_POINTS.replace("_", " "),
     }
     if "state" not in file:
         return grid, _grid_predictor(grid), extras
@@ -182,7 +185,8 @@ def _load_map(path: Path) -> tuple[GridMap, Predict, dict[str, Any]]:
 
     stored = StoredMap(str(file["engine"]), file["state"].tobytes(), file["origin_m"])
     engine = load_map(stored.engine, stored.state)
-    return grid, engine_predictor(engine, stored.origin_m), {**extras, "stored_map": stored}
+    extras.update(stored_map=stored, support_label=engine.support_label)
+    return grid, engine_predictor(engine, stored.origin_m), extras
 
 
 def _grid_predictor(grid: GridMap) -> Predict:

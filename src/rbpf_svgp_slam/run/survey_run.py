@@ -1,4 +1,4 @@
-"""What a finished run hands to the evaluation. Shapes: P pings, N beams, S inducing points."""
+"""What a finished run hands to the evaluation. Shapes: P pings, N beams, S support points."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class SurveyRun:
     map: GridMap
     predict: Predict  # xy [n, 2] to the latent mean [n] and variance [n], noise not included
     noise_variance_m2: float  # the map's learned σ²
-    inducing_points: np.ndarray  # [S, 3]
+    support_points: np.ndarray  # [S, 3] x, y, predicted z: where the map spends its memory
     stored_map: StoredMap | None = None  # what `predict` asks
     estimate_std_m: np.ndarray | None = None  # [P, 2] spread of the particles in x, y
     ground_truth: np.ndarray | None = None  # [P, 6], NaN rows where not covered
@@ -72,6 +72,7 @@ class SurveyRun:
     status_history: dict[str, np.ndarray] = field(default_factory=dict)  # series over `t_s`
     time_lapse: TimeLapse | None = None
     config: dict[str, Any] = field(default_factory=dict)  # the full parameter set
+    support_label: str = "support points"  # what the map's engine calls them
 
     def __post_init__(self) -> None:
         pings, beams = len(self.stamp_s), len(self.levelled)

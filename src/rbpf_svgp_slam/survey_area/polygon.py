@@ -24,3 +24,9 @@ def survey_origin(survey_area: ArrayLike) -> np.ndarray:
     """
     vertices = np.asarray(survey_area, dtype=float)
     return (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+
+
+def around_origin(survey_area: ArrayLike) -> np.ndarray:
+    """The polygon's vertices [V, 2] relative to the survey origin, m."""
+    vertices = np.asarray(survey_area, dtype=float)
+    return vertices - survey_origin(vertices)

@@ -20,7 +20,7 @@ from rbpf_svgp_slam.parameters.rules import (
 from rbpf_svgp_slam.svgp.kernels import KERNELS
 from rbpf_svgp_slam.svgp.parameters import FLOORS
 
-#: σ, m, at the floor of σ².
+#: The σ, m, whose square is the floor of σ².
 SMALLEST_NOISE_STD_M = math.sqrt(FLOORS[2])
 
 
@@ -35,7 +35,7 @@ _COUNT = Rule("a whole number from 1", lambda value: value >= 1, first=of_type(i
 _SHARE = Rule("a number between 0 and 1", lambda value: 0.0 < value < 1.0, float, first=finite())
 _RATE = Rule("a number above 0, up to 1", lambda value: 0.0 < value <= 1.0, float, first=finite())
 
-#: By setting.
+#: The rule of each setting that has one beside its type.
 RULES: dict[str, Rule] = {
     "inducing_points": _COUNT,
     "minibatch_size": _COUNT,
@@ -68,38 +68,55 @@ RULES: dict[str, Rule] = {
 class SvgpConfig:
     """The defaults are Torroba et al.'s (2023, Table 1) where they are marked with (paper)."""
 
-    inducing_points: int = 400  #: S (paper)
-    minibatch_size: int = 1000  #: M, beams per step (paper)
-    kernel: str = "matern12"  #: k(r) = o·exp(−r/ℓ) (paper); matern32, matern52
-    optimizer: str = "streaming"  #: adam (paper), natgrad, streaming
-    learning_rate: float = 0.1  #: of the optimizer adam, for all parameters (paper)
-    natgrad_rate: float = 0.1  #: of natural-gradient steps: the newest minibatch's share of q(v)
-    natgrad_model_period: int = 1  #: steps from one update of Z, ℓ, o, σ² and c to the next
-    natgrad_inducing_rate: float = 0.1  #: first rate of Adam for Z, inducing pitches
-    natgrad_hyperparameter_rate: float = 0.3  #: first rate of Adam for log ℓ and log o
+    #: S (paper)
+    inducing_points: int = 400
+    #: M, beams per step (paper)
+    minibatch_size: int = 1000
+    #: matern12: k(r) = o·exp(−r/ℓ) (paper); matern32, matern52
+    kernel: str = "matern12"
+    #: adam (paper), natgrad, streaming
+    optimizer: str = "streaming"
+    #: of the optimizer adam, for all parameters (paper)
+    learning_rate: float = 0.1
+    #: of natural-gradient steps: the newest minibatch's share of q(v)
+    natgrad_rate: float = 0.1
+    #: steps from one update of Z, ℓ, o, σ² and c to the next
+    natgrad_model_period: int = 1
+    #: first rate of Adam for Z, inducing pitches
+    natgrad_inducing_rate: float = 0.1
+    #: first rate of Adam for log ℓ and log o
+    natgrad_hyperparameter_rate: float = 0.3
     #: updates after which these two rates are halved; they fall as 1/t, to a tenth
     natgrad_cooling_steps: int = 50
     #: one model for all maps of a node: natgrad only
     shared_hyperparameters: bool = False
-    #: of streaming maps, which take their model over when it has moved by this much: Z in inducing
-    #: pitches (RMS), ℓ, o and σ² as logarithms, c in √o
+    #: a streaming map takes its teacher's model over once that has moved by this much: Z in
+    #: inducing pitches (RMS), ℓ, o and σ² as logarithms, c in √o
     streaming_tolerance: float = 0.1
-    streaming_rebuild_beams: int = 40000  #: drawn from the log for that, if it has more
+    #: beams drawn from the log for that, if it has more
+    streaming_rebuild_beams: int = 40000
     #: initial ℓ, m; 0: half of the inducing grid's pitch. One of a whole pitch or two correlates
     #: the inducing points, and Adam then takes about twice as many steps to a given map error
     lengthscale_m: float = 0.0
-    #: initial o, prior variance of the seabed about its mean, m², and initial σ, standard deviation
-    #: of a beam about the map, m. natgrad, if it learns them, takes both from the first minibatch
+    #: initial o, prior variance of the seabed about its mean, m². natgrad, if it learns o and σ,
+    #: takes both from the first minibatch
     outputscale_m2: float = 1.0
+    #: initial σ, standard deviation of a beam about the map, m
     noise_std_m: float = 0.3
     #: added to the diagonal of Kzz, as a share of o; GPyTorch's default for variational models
     jitter: float = 1e-4
-    learn_inducing_points: bool = True  #: (paper)
-    learn_hyperparameters: bool = True  #: ℓ, o, σ² and c (paper)
-    convergence_decay: float = 0.97  #: of the moving average of the ELBO, per step
-    convergence_window: int = 50  #: steps between the two averages that are compared
-    convergence_tolerance: float = 0.1  #: largest relative change over the window (convergence.py)
-    device: str = "cpu"  #: cpu, cuda
+    #: (paper)
+    learn_inducing_points: bool = True
+    #: ℓ, o, σ² and c (paper)
+    learn_hyperparameters: bool = True
+    #: of the moving average of the ELBO, per step
+    convergence_decay: float = 0.97
+    #: steps between the two averages that are compared
+    convergence_window: int = 50
+    #: largest relative change over the window (convergence.py)
+    convergence_tolerance: float = 0.1
+    #: cpu, cuda
+    device: str = "cpu"
     #: float32; float64 for matern32 and matern52 if their ℓ grows to many inducing pitches
     dtype: str = "float32"
 
@@ -115,7 +132,7 @@ class SvgpConfig:
 
     @classmethod
     def from_parameters(cls, tree: Mapping[str, Any]) -> "SvgpConfig":
-        """From the parameter group `svgp`, where `convergence` is a group of its own."""
+        """From the parameter group `svgp`; natgrad/rate, say, is natgrad_rate here."""
         flat = {}
         for name, value in tree.items():
             if isinstance(value, Mapping):

@@ -8,8 +8,8 @@ from collections import deque
 #: A map that is ready stays so until the change exceeds this multiple of the tolerance, so that
 #: the minibatches' noise does not switch a map near the tolerance on and off.
 HYSTERESIS = 2.0
-#: An average of less weight is one of few values: noisy, and not yet behind a rising ELBO by as
-#: much as later ones, so that a comparison with them would show too small a change.
+#: An average of less weight is not compared with others. It is one of few values: it is noisy, and
+#: it lags less behind a rising ELBO than later ones do, so that the change would look too small.
 MATURE_WEIGHT = 0.9
 
 

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from rbpf_svgp_slam.survey_area.polygon import inside
 
-#: Ratio of a grid's two pitches, at most; its choice of rows and columns is made within.
+#: A grid's pitches along its two axes differ by this factor at most.
 LARGEST_PITCH_RATIO = 1.25
-#: Numbers of columns, and of rows for each, that are tried.
+#: So many numbers of columns are tried at most, and with each so many of rows.
 TRIALS = 12
 
 
@@ -54,7 +54,7 @@ def _grid_axes(vertices: np.ndarray) -> np.ndarray:
     for x, y in sides[lengths > 0] / lengths[lengths > 0, None]:
         candidates.append(np.array([[x, -y], [y, x]]))
     extents = [float(np.prod(np.ptp(vertices @ axes, axis=0))) for axes in candidates]
-    # The map's own axes are kept unless others are better by more than rounding.
+    # Keep the map's own axes unless others are better by more than rounding.
     best = int(np.argmin(extents))
     return candidates[best if extents[best] < extents[0] * (1.0 - 1e-6) else 0]
 

@@ -1,9 +1,9 @@
 """Products of symmetric and triangular matrices that skip the half which is known.
 
-BLAS routines for these (syrk, trmm, trsm) are either not reachable through torch or, trsm, run at
-half the speed of its plain matrix product, so that each is done here by blocks: only blocks on and
-below the diagonal are computed, with plain matrix products. At S = 400 this saves 35 to 65 % of
-each product's time.
+Two of BLAS's routines for these (syrk, trmm) cannot be reached through torch, and the third (trsm)
+runs at half the speed of a plain matrix product. So each product is done here by blocks, by plain
+matrix products of the blocks on and below the diagonal. At S = 400 this saves 35 to 65 % of each
+product's time.
 
 An `out` argument named *lower* has to be zero above its diagonal on entry, and is so on return.
 """

@@ -17,24 +17,23 @@ class Moments:
 
     m: Tensor  # [S], in double precision
     F: Tensor  # [S, S] lower triangular, Σ = FᵀF, F⁻¹ the Cholesky factor of Λ
-    log_determinant: float  # log|Λ|
+    log_determinant: float  # log|Σ|
 
     @property
-    def kl_divergence(self) -> float:
-        """KL(q(v) ‖ N(0, I)) = ½·(tr Σ + mᵀm − S + log|Λ|), nats."""
-        trace = self.F.square().sum(dtype=torch.float64).item()
-        return 0.5 * (trace + torch.dot(self.m, self.m).item() - len(self.m) + self.log_determinant)
+    def trace(self) -> float:
+        """tr Σ = tr FᵀF."""
+        return self.F.square().sum(dtype=torch.float64).item()
 
 
 def moments(precision: Tensor, shift: Tensor, weight: float, dtype: torch.dtype) -> Moments:
-    """Of Λ = I + weight·precision [S, S] and Λm = weight·shift [S], in double precision.
+    """q(v) of Λ = I + weight·precision [S, S] and Λm = weight·shift [S], in double precision.
 
-    Raises `NotPositiveDefinite`.
+    dtype: of F. Raises `NotPositiveDefinite`.
 
-    Double precision, because Λ's eigenvalues reach from 1, where no beam has been, to about
+    In double precision, because Λ's eigenvalues reach from 1, where no beam has been, to about
     N·o/σ², 3·10¹⁰ for 12 million beams of σ = 0.02 m: rounded to single precision Λ is not even
-    positive definite. Its factor has only the root of that condition; F comes in the dtype in which
-    it is used, wide products, and its inversion loses no more than these.
+    positive definite. Its factor's condition is only the root of that. F is used in wide products,
+    in their dtype, and inverting the factor in it loses no more than they do.
     """
     Lambda = precision * weight
     Lambda.diagonal().add_(1.0)
@@ -43,7 +42,8 @@ def moments(precision: Tensor, shift: Tensor, weight: float, dtype: torch.dtype)
         raise linalg.NotPositiveDefinite("precision of q(v): no Cholesky factor")
     m = torch.cholesky_solve(shift[:, None], C)[:, 0].mul_(weight)
     F = linalg.inverse_of_lower(C.to(dtype), torch.zeros_like(C, dtype=dtype))
-    return Moments(m, F, 2.0 * C.diagonal().log().sum().item())
+    # log|Σ| = −log|Λ| = −2·Σ log C_ii
+    return Moments(m, F, -2.0 * C.diagonal().log().sum().item())
 
 
 class Site:

@@ -18,18 +18,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.kernels import Correlation
-from rbpf_svgp_slam.svgp.parameters import Model, Parameters
+from rbpf_svgp_slam.svgp.parameters import Model, Parameters, sum_of_elements
 from rbpf_svgp_slam.svgp.prior import Prior
 
-#: |R_ii| counts as no less than this in log|R_ii|. The smallest that data can ask for is about
-#: σ·√(S/(N·o)): 2e-5 for 12 million beams of σ = 0.02 m over a relief of 5 m.
-SMALLEST_R_II = 1e-6
+
+class Whitened(Protocol):
+    """A q(v) = N(m, Σ), whatever its Σ is made from."""
+
+    m: Tensor  # [S]
+
+    @property
+    def trace(self) -> float:
+        """tr Σ."""
+
+    @property
+    def log_determinant(self) -> float:
+        """log|Σ|."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +108,7 @@ class Objective:
         self._variational_gradients(theta, residuals, N, gradient)
         self.model_gradients(theta.m, G, H, residuals, gradient)
         scale_raw_gradients(theta, gradient)
-        return residuals.expected_log_likelihood - kl_divergence(theta) / N
+        return elbo(residuals, theta, N)
 
     def project(self, model: Model, X: Tensor) -> Tensor:
         """Return A [S, M] at X [M, 2], for the prior as last factorised; a buffer, used again."""
@@ -117,7 +128,7 @@ class Objective:
             e=e,
             Ae=torch.mv(self._A, e),
             squares=torch.mul(e, e).sum(dtype=torch.float64).item(),
-            trace=_sum(torch.mul(H, G, out=self._V)),
+            trace=sum_of_elements(torch.mul(H, G, out=self._V)),
         )
 
     def _variational_gradients(
@@ -130,7 +141,7 @@ class Objective:
         # ∂R = −s·o·tril(G R) − R/N + diag(1/(N·R_ii))
         linalg.lower_of_product_with_lower(self._G, theta.R, gradient.R)
         gradient.R.mul_(-s * o).add_(theta.R, alpha=-1.0 / N)
-        gradient.R.diagonal().add_(_diagonal(theta.R).reciprocal(), alpha=1.0 / N)
+        gradient.R.diagonal().add_(theta.diagonal_of_R().reciprocal(), alpha=1.0 / N)
 
     def model_gradients(
         self, m: Tensor, G: Tensor, H: Tensor, residuals: Residuals, gradient: Model
@@ -176,24 +187,11 @@ def scale_raw_gradients(model: Model, gradient: Model) -> None:
     gradient.raw.copy_(gradient.raw.double() * slopes.to(gradient.raw.device))
 
 
-def kl_divergence(theta: Parameters) -> float:
-    """KL(q(v) ‖ N(0, I)) = ½·(tr R Rᵀ + mᵀm − S − 2·Σ log|R_ii|), nats."""
-    m, R = theta.m, theta.R
-    log_determinant = 2.0 * _diagonal(R).double().abs().log().sum().item()
-    return 0.5 * (torch.dot(m, m).item() + _sum(R * R) - len(m) - log_determinant)
+def elbo(residuals: Residuals, q: Whitened, N: int) -> float:
+    """ELBO/N of a minibatch's residuals under q, for a log of N beams, nats per beam."""
+    return residuals.expected_log_likelihood - kl_divergence(q) / N
 
 
-def _sum(matrix: Tensor) -> float:
-    """Of all elements: in double precision over the rows, where a difference may be left of it."""
-    return matrix.sum(1).sum(dtype=torch.float64).item()
-
-
-def _diagonal(R: Tensor) -> Tensor:
-    """R_ii [S], of either sign, but away from zero, where −log|R_ii| has its pole.
-
-    Adam may step across the pole, which is harmless: only R Rᵀ matters. An element that happens
-    to end on it would have a gradient without bounds, and at zero no sign to leave it by.
-    """
-    diagonal = R.diagonal()
-    away = diagonal.abs().clamp_min_(SMALLEST_R_II)
-    return torch.where(diagonal < 0.0, -away, away)
+def kl_divergence(q: Whitened) -> float:
+    """KL(q(v) ‖ N(0, I)) = ½·(tr Σ + mᵀm − S − log|Σ|), nats."""
+    return 0.5 * (q.trace + torch.dot(q.m, q.m).item() - len(q.m) - q.log_determinant)

@@ -15,6 +15,9 @@ from torch import Tensor
 #: Smallest ℓ [m], o [m²] and σ² [m²]. The last is the default of GPyTorch's GaussianLikelihood,
 #: a σ of 1 cm; the others only keep divisions by ℓ and √o finite.
 FLOORS = (1e-6, 1e-6, 1e-4)
+#: |R_ii| counts as no less than this in log|R_ii|. The smallest that data can ask for is about
+#: σ·√(S/(N·o)): 2e-5 for 12 million beams of σ = 0.02 m over a relief of 5 m.
+SMALLEST_R_II = 1e-6
 
 
 class Model:
@@ -73,6 +76,26 @@ class Parameters(Model):
         self.R = self.variational[S:].view(S, S)
 
     @property
+    def trace(self) -> float:
+        """tr Σ = tr R Rᵀ."""
+        return sum_of_elements(self.R * self.R)
+
+    @property
+    def log_determinant(self) -> float:
+        """log|Σ| = 2·Σ log|R_ii|."""
+        return 2.0 * self.diagonal_of_R().double().abs().log().sum().item()
+
+    def diagonal_of_R(self) -> Tensor:
+        """R_ii [S], of either sign, but away from zero, where −log|R_ii| has its pole.
+
+        Adam may step across the pole, which is harmless: only R Rᵀ matters. An element that happens
+        to end on it would have a gradient without bounds, and at zero no sign to leave it by.
+        """
+        diagonal = self.R.diagonal()
+        away = diagonal.abs().clamp_min_(SMALLEST_R_II)
+        return torch.where(diagonal < 0.0, -away, away)
+
+    @property
     def packed_size(self) -> int:
         """Numbers that `pack` returns: S + S(S + 1)/2 + 2S + 4."""
         return len(self.flat) - len(self.m) * (len(self.m) - 1) // 2
@@ -94,6 +117,11 @@ def _packed_index(S: int) -> np.ndarray:
     rows, columns = np.tril_indices(S)
     after = S + S * S + np.arange(2 * S + 4)
     return np.concatenate([np.arange(S), S + S * rows + columns, after])
+
+
+def sum_of_elements(matrix: Tensor) -> float:
+    """In double precision over the rows, where a difference may be left of it."""
+    return matrix.sum(1).sum(dtype=torch.float64).item()
 
 
 def softplus(x: float) -> float:

@@ -13,7 +13,7 @@ from rbpf_svgp_slam.svgp import linalg
 from rbpf_svgp_slam.svgp.kernels import Correlation
 from rbpf_svgp_slam.svgp.parameters import Model
 
-#: Points predicted at once, which bounds the memory taken.
+#: So many points are predicted at once, which bounds the memory taken.
 CHUNK = 2048
 
 

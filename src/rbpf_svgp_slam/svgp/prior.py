@@ -15,8 +15,8 @@ class Prior:
 
     The factorisation is done in double precision: with a lengthscale of many inducing pitches the
     matrix's condition reaches S/jitter, 4·10⁶ at S = 400, and the posterior's small variances would
-    be lost in single precision (docs/svgp.md). L has only the root of that condition, and its
-    inversion loses no more than ρ(Z, x) has lost already.
+    be lost in single precision (docs/svgp.md). L's condition is only the root of that, and
+    inverting it in single precision loses no more than ρ(Z, x) has lost already.
     """
 
     def __init__(

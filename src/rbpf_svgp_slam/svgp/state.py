@@ -17,11 +17,13 @@ learned. Nothing is pickled, and nothing pickled is ever loaded.
 from __future__ import annotations
 
 import io
+import json
 from typing import Any, Mapping
 
 import numpy as np
 
 from rbpf_svgp_slam.npz import READING_ERRORS
+from rbpf_svgp_slam.svgp.config import SvgpConfig
 
 FORMAT = "rbpf_svgp_slam/svgp"
 VERSION = 2
@@ -60,6 +62,14 @@ def decode(data: bytes) -> dict[str, np.ndarray]:
     _expect("version", entries.get("version", "missing"), VERSION)
     expect_entries(entries, ENTRIES)
     return entries
+
+
+def written_config(entries: Mapping[str, np.ndarray]) -> SvgpConfig:
+    """The settings that a decoded state was written under; raises ValueError if they are none."""
+    try:
+        return SvgpConfig(**json.loads(entries["config"].item()))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"map's config is not that of an SVGP ({error})") from error
 
 
 def expect_entries(

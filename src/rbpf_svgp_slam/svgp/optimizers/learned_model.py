@@ -17,10 +17,10 @@ from rbpf_svgp_slam.svgp.parameters import FLOORS, Model
 
 #: Adam's rates fall to this share and no lower: the map has to follow new relief all its life.
 COOLED_SHARE = 0.1
-#: Of Adam's averages of gradients and of their squares. Gradients of single minibatches mostly
-#: shake the inducing points about: averaged over twice as many as by default, they take fewer
-#: steps. The squares are forgotten after a hundred steps, so that an early stretch of steep
-#: gradients, or one on new relief, does not slow down what comes after it.
+#: Decay of Adam's averages of the gradients and of their squares. The first averages over twice as
+#: many gradients as Adam's default, because those of single minibatches mostly shake the inducing
+#: points about: fewer steps are needed. The second forgets squares after a hundred steps, so that
+#: steep gradients, early or on new relief, do not slow down what comes after them.
 BETAS = (0.95, 0.99)
 #: The first o, as a share of the first minibatch's variance.
 FIRST_O_SHARE = 0.1
@@ -54,9 +54,9 @@ class LearnedModel:
     def begin(self, y: Tensor) -> None:
         """Take o and σ² from the first depths [M]; before q(v) has learned anything.
 
-        Whatever the height of the relief, the gradients are then of order one. σ² is at first all
-        of the depths' variance; o, which falls as long as there are many more beams than inducing
-        points, is given a part of its way.
+        Whatever the height of the relief, the gradients are then of order one. σ² starts as all of
+        the depths' variance. o falls as long as there are many more beams than inducing points, and
+        starts some way down.
         """
         if self._config.learn_hyperparameters and len(y) > 1:
             variance = y.var(unbiased=False).item()
@@ -65,9 +65,10 @@ class LearnedModel:
             self.stamp = object()
 
     def improve(self, gradient: Model, residuals: Residuals, rate: float) -> None:
-        """A step along the gradient, by ℓ, o and σ² themselves; rate: of σ² and c towards the best.
+        """A step along the gradient of a minibatch with these residuals.
 
-        residuals: of the minibatch that the gradient is of.
+        gradient: with respect to ℓ, o and σ² themselves; rate: share of the way that σ² and c go
+        towards their best values for the minibatch.
         """
         if self._config.learn_hyperparameters:
             # σ² = misfit/M and c + Σe/M maximise the ELBO: averaged, since minibatches vary

@@ -14,11 +14,11 @@ from rbpf_svgp_slam.svgp import linalg, work_space
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.kernels import Correlation
 from rbpf_svgp_slam.svgp.natural import Site
-from rbpf_svgp_slam.svgp.objective import Objective
+from rbpf_svgp_slam.svgp.objective import Objective, elbo
 from rbpf_svgp_slam.svgp.optimizers.learned_model import LearnedModel
 from rbpf_svgp_slam.svgp.optimizers.optimizer import (
+    MinibatchOptimizer,
     NotFinite,
-    Optimizer,
     checked,
     expect_squares,
     fill,
@@ -32,7 +32,7 @@ from rbpf_svgp_slam.svgp.prior import Prior
 _thread = threading.local()
 
 
-class NaturalGradient(Optimizer):
+class NaturalGradient(MinibatchOptimizer):
     """Every step moves q(v) along its natural gradient, every k-th also improves the model.
 
     For a Gaussian likelihood the natural-gradient step is an exponential average of the
@@ -71,6 +71,15 @@ class NaturalGradient(Optimizer):
         return self._learned.stamp
 
     @property
+    def reference_m(self) -> float:
+        """What depths count from, m: the model's c is an offset to it, and shared with it."""
+        return self._learned.reference_m
+
+    @reference_m.setter
+    def reference_m(self, reference_m: float) -> None:
+        self._learned.reference_m = reference_m
+
+    @property
     def pitch_m(self) -> float:
         """Spacing of the initial inducing points, m."""
         return self._learned.pitch_m
@@ -93,14 +102,14 @@ class NaturalGradient(Optimizer):
         Ay, A_one = torch.mv(buffers.A, y.double()).div_(M), buffers.A.mean(1)
         _, o, noise = self.model.hyperparameters()
         rate = max(self.config.natgrad_rate, 1.0 / (self._steps + 1.0))
-        elbo = None
+        bound = None
         if self._steps > 0 and learned.steps % self.config.natgrad_model_period == 0:
-            elbo = self._model_step(objective, buffers, y, N, rate)
+            bound = self._model_step(objective, buffers, y, N, rate)
         self.site.replace(rate, G, Ay, A_one, o, noise)
         self._steps += 1
         learned.steps += 1
         self._beams_in_log = N
-        return elbo
+        return bound
 
     def _model_step(
         self, objective: Objective, buffers: _Buffers, y: Tensor, N: int, rate: float
@@ -112,15 +121,15 @@ class NaturalGradient(Optimizer):
         H.diagonal().add_(1.0)
         G = buffers.G_single.copy_(buffers.G).mul_(len(y))
         residuals = objective.residuals(self.model, y, m, G, H)
-        elbo = residuals.expected_log_likelihood - q.kl_divergence / N
+        bound = elbo(residuals, q, N)
         flat = buffers.gradient.flat.zero_()
         if self._learned.learns:
             objective.model_gradients(m, G, H, residuals, buffers.gradient)
-        if not math.isfinite(elbo + torch.dot(flat, flat).item()):
-            raise NotFinite(f"ELBO of {elbo:g} nats or its gradient is not finite")
+        if not math.isfinite(bound + torch.dot(flat, flat).item()):
+            raise NotFinite(f"ELBO of {bound:g} nats or its gradient is not finite")
         if self._learned.learns:
             self._learned.improve(buffers.gradient, residuals, rate)
-        return elbo
+        return bound
 
     def gaussian(self) -> Gaussian:
         q = self.site.moments(self._beams_in_log, self.model.c.item(), self.dtype)
@@ -140,19 +149,25 @@ class NaturalGradient(Optimizer):
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """A map that shares its model brings it along, or else comes over to what is shared."""
+        """The first map of a node that shares its model brings it along; others adapt to it."""
         S, site = len(self.site.shift), self.site
         fill(arrays, shift=site.shift, shift_one=site.shift_one)
         unpack(checked(arrays, "precision", S * (S + 1) // 2), site.precision)
         self._steps = arrays["steps"].item()
         self._beams_in_log = arrays["beams_in_log"].item()
         if self._shares and self._learned.steps > 0:
-            self._come_over(Model(torch.from_numpy(checked(arrays, "model", 2 * S + 4))))
+            self._adapt_from(Model(torch.from_numpy(checked(arrays, "model", 2 * S + 4))))
         else:
             self._learned.restore(arrays)
 
-    def _come_over(self, old: Model) -> None:
-        """Express what was learned under another model under this one."""
+    def restore_reference(self, reference_m: float) -> None:
+        if math.isnan(self.reference_m):
+            self.reference_m = reference_m
+        elif not math.isnan(reference_m):
+            self.site.move_reference(reference_m - self.reference_m)
+
+    def _adapt_from(self, old: Model) -> None:
+        """Express what was learned under another model, `old`, under this one."""
         new, config = self.model, self.config
         old, new = (Model(model.flat.to(self.device, torch.float64)) for model in (old, new))
         args = (config.inducing_points, config.kernel, config.jitter, torch.float64, self.device)

@@ -31,8 +31,8 @@ class Optimizer(ABC):
     #: Name of each array of its state: kind of number, dimensions.
     ENTRIES: dict[str, tuple[str, int]]
 
-    #: Index in the log of the first beam not taken in; none: it learns from minibatches.
-    next_beam: int | None = None
+    #: What depths count from, m; NaN before the first step.
+    reference_m: float = math.nan
     #: How often the last step had to raise the jitter of the inducing points' covariance.
     jitter_raises: int = 0
 
@@ -54,18 +54,6 @@ class Optimizer(ABC):
     def stamp(self) -> object:
         """Another object whenever the model may have been changed through another map."""
         return self
-
-    @abstractmethod
-    def step(self, X: Tensor, y: Tensor, N: int) -> float | None:
-        """One step on X [M, 2], m, and y [M], m, of a log of N beams.
-
-        Returns the ELBO per datum in nats, or none if this step did not need it. Raises
-        `NotFinite` or `NotPositiveDefinite` and then leaves everything as it was.
-        """
-
-    def fold(self, X: Tensor, y: Tensor) -> None:
-        """Take in the log's next beams X [n, 2], m, y [n], m; raises `NotFinite`."""
-        raise TypeError(f"{type(self).__name__} learns from minibatches")
 
     @abstractmethod
     def gaussian(self) -> Gaussian:
@@ -92,10 +80,26 @@ class Optimizer(ABC):
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Take over what `arrays` returned; raises ValueError if it does not fit."""
 
+    def restore_reference(self, reference_m: float) -> None:
+        """Take over what the depths of a state that has been restored count from."""
+        self.reference_m = reference_m
+
     def _start(self, model: Model, Z: np.ndarray, lengthscale_m: float) -> None:
         config = self.config
         model.Z.copy_(torch.from_numpy(Z))
         model.set_hyperparameters(lengthscale_m, config.outputscale_m2, config.noise_std_m**2)
+
+
+class MinibatchOptimizer(Optimizer):
+    """One that learns from minibatches."""
+
+    @abstractmethod
+    def step(self, X: Tensor, y: Tensor, N: int) -> float | None:
+        """One step on X [M, 2], m, and y [M], m, of a log of N beams.
+
+        Returns the ELBO per datum in nats, or none if this step did not need it. Raises
+        `NotFinite` or `NotPositiveDefinite` and then leaves everything as it was.
+        """
 
 
 def checked(arrays: Mapping[str, np.ndarray], name: str, size: int) -> np.ndarray:

@@ -27,7 +27,7 @@ from rbpf_svgp_slam.svgp.posterior import Gaussian
 from rbpf_svgp_slam.svgp.prior import Prior
 
 _thread = threading.local()
-#: Beams folded in at once, which bounds the memory taken.
+#: So many beams are added at once, which bounds the memory taken.
 BLOCK = 1024
 
 
@@ -58,7 +58,7 @@ class Sums:
         self.depth, self.one = torch.zeros((2, S), dtype=double, device=device)
 
     def scale(self, factor: float) -> None:
-        """As of so many times the beams."""
+        """Let the beams count so many times."""
         for total in (self.gram, self.depth, self.one):
             total.mul_(factor)
 
@@ -67,9 +67,9 @@ class Streaming(Optimizer):
     """Takes in every beam once; for a fixed model q(v) is then exactly the best there is.
 
     The model comes from another map, which learns it from minibatches. When that has moved on, the
-    sums are to be rebuilt under its new model. They are sums of a aᵀ, a·y and a over the beams,
-    a = L⁻¹ρ(Z, x), whitened before they are summed: L⁻¹(Σρρᵀ)L⁻ᵀ would subtract large numbers,
-    and not even in double precision is it always positive.
+    sums are to be rebuilt under its new model. They are sums over the beams of a aᵀ, a·y and a,
+    where a = L⁻¹ρ(Z, x). Beams are whitened before they are summed, because L⁻¹(Σρρᵀ)L⁻ᵀ would
+    subtract large numbers, and is not always positive, not even in double precision.
 
     State: `model` [2S + 4] Z [S, 2], raw ℓ, o, σ² and c; `gram` [S(S + 1)/2], the sum of a aᵀ by
     rows up to the diagonal, `sum_depth` [S] of a·y and `sum_one` [S] of a, all in double
@@ -102,10 +102,8 @@ class Streaming(Optimizer):
         self._start(model, Z, lengthscale_m)
         self.fixed = FixedModel(self.config, model.flat)
 
-    def step(self, X: Tensor, y: Tensor, N: int) -> None:
-        raise TypeError("a streaming map takes in the log's beams in their order, no minibatches")
-
     def fold(self, X: Tensor, y: Tensor) -> None:
+        """Take in the log's next beams X [n, 2], m, y [n], m; raises `NotFinite`."""
         expect_squares(y)
         self._add(X, y, self.fixed, self._sums)
         self.next_beam += len(y)
@@ -127,6 +125,11 @@ class Streaming(Optimizer):
         self._add(X, y, fixed, sums, pause)
         sums.scale(N / len(y))
         self.fixed, self._sums, self.next_beam = fixed, sums, N
+
+    def share_if_equal(self, fixed: FixedModel) -> None:
+        """Use that object for the model, if it is the same model: L⁻¹ is then computed once."""
+        if torch.equal(self.fixed.model.flat, fixed.model.flat):
+            self.fixed = fixed
 
     def gaussian(self) -> Gaussian:
         q = self.moments()
@@ -174,7 +177,7 @@ class Streaming(Optimizer):
         for X_part, y_part in zip(X.split(BLOCK), y.split(BLOCK)):
             correlation, white, product = self._buffers(len(y_part))
             rho = correlation.evaluate(fixed.model.Z, X_part, lengthscale)
-            # Single precision in a is harmless: the sum of any a aᵀ is positive.
+            # The projections may be rounded to single precision: a sum of a aᵀ stays positive.
             A = linalg.product_with_lower(fixed.L_inverse, rho, white).double()
             sums.gram.add_(linalg.gram(A, product))
             sums.depth.add_(torch.mv(A, y_part.double()))

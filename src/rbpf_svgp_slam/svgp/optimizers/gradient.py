@@ -1,4 +1,4 @@
-"""Adam on everything: m, R, Z, ℓ, o, σ² and c, as the paper does."""
+"""Gradient ascent on everything by Adam, `svgp/optimizer: adam`: the paper's optimizer."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from torch import Tensor
 from rbpf_svgp_slam.svgp import work_space
 from rbpf_svgp_slam.svgp.adam import Adam
 from rbpf_svgp_slam.svgp.config import SvgpConfig
-from rbpf_svgp_slam.svgp.optimizers.optimizer import NotFinite, Optimizer, checked
+from rbpf_svgp_slam.svgp.optimizers.optimizer import MinibatchOptimizer, NotFinite, checked
 from rbpf_svgp_slam.svgp.parameters import Model, Parameters
 from rbpf_svgp_slam.svgp.posterior import Gaussian
 
 _thread = threading.local()
 
 
-class AdamOptimizer(Optimizer):
-    """Steps of the paper's optimizer on the closed-form gradients of the minibatch ELBO.
+class GradientAscent(MinibatchOptimizer):
+    """Adam's steps on m, R, Z, ℓ, o, σ² and c along the gradient of the minibatch ELBO.
 
     State: `parameters`, `adam_first` and `adam_second` [P], P = S + S(S + 1)/2 + 2S + 4: m [S],
     R [S, S] by rows up to the diagonal, Z [S, 2], raw ℓ, o, σ² and c, and Adam's two moments of
@@ -52,8 +52,8 @@ class AdamOptimizer(Optimizer):
         objective, gradient = work_space.objective(self.config, len(y)), self._gradient()
         elbo = objective.evaluate(self.theta, X, y, N, gradient)
         self.jitter_raises = objective.prior.jitter_raises
-        self._freeze(gradient)
-        # Not finite if any element, or its square, which Adam keeps, is not.
+        self._mask(gradient)
+        # This sum is not finite if any element is not, or its square, which Adam keeps.
         if not math.isfinite(elbo + torch.dot(gradient.flat, gradient.flat).item()):
             raise NotFinite(f"ELBO of {elbo:g} nats or its gradient is not finite")
         rates = [(len(gradient.flat), self.config.learning_rate)]
@@ -90,8 +90,8 @@ class AdamOptimizer(Optimizer):
             _thread.key = key
         return _thread.gradient
 
-    def _freeze(self, gradient: Parameters) -> None:
-        """Take what is not to be learned out of a gradient."""
+    def _mask(self, gradient: Parameters) -> None:
+        """Set the gradient of what is not to be learned to zero."""
         if not self.config.learn_inducing_points:
             gradient.Z.zero_()
         if not self.config.learn_hyperparameters:

@@ -1,0 +1,184 @@
+"""The training of maps that take in every beam once."""
+
+from __future__ import annotations
+
+import itertools
+from concurrent.futures import Future, wait
+from dataclasses import replace
+from typing import Callable
+
+import rospy
+
+from rbpf_svgp_slam.map_node.background import AtOnce, Background
+from rbpf_svgp_slam.map_node.core_client import (
+    BeamReader,
+    Beams,
+    Feed,
+    LogFeed,
+    MinibatchFeed,
+    Minibatches,
+)
+from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.map_node.training import IDLE_S, Training
+from rbpf_svgp_slam.map_node.turns import EndTurn, TurnFeed, WallClock, WorkClock
+from rbpf_svgp_slam.maps import MapGroup
+
+# Beams of each map that are asked for at once.
+BLOCK_BEAMS = 1024
+# Live, time between two questions for new beams: a block costs more, per beam, the shorter it is.
+READ_PERIOD_S = 0.5
+# Largest share of the time that is spent on rebuilding maps.
+REBUILD_SHARE = 0.3
+
+
+class StreamTraining(Training):
+    """Every map takes in every beam once; if there is a teacher, it learns for all of them.
+
+    The teacher's minibatches are placed by the histories of the node's particles in turn: what it
+    learns must not fit one particle better than another. Without a teacher the core is asked for
+    no minibatches, but only how long the log is and in which epoch.
+    """
+
+    def __init__(
+        self,
+        store: MapStore,
+        group: MapGroup,
+        between_steps: Callable[[], None],
+        end_turn: EndTurn | None = None,
+    ) -> None:
+        """end_turn: none if live; under an offline replay, tells the node's state (turns.py)."""
+        super().__init__(store, _make_feed(store, group, end_turn), between_steps)
+        self._core = BeamReader()
+        self._has_teacher = group.teacher is not None
+        self._rebuild_beams = group.rebuild_beams
+        # What rebuilding has its share of: the time itself if live, else the work done.
+        self._clock = WallClock() if end_turn is None else WorkClock()
+        # Live, other work goes on while beams are on their way; in turns everything has its order.
+        self._reads = Background("beams") if end_turn is None else AtOnce()
+        self._blocks: Future | None = None  # next beams of the log, on their way
+        self._asked_for: dict[int, int] = {}  # first of them, by particle
+        self._sample: Future | None = None  # of the log, for a rebuild, on its way
+        # Without a teacher the feed itself rests for so long.
+        self._read_period = READ_PERIOD_S if end_turn is None and self._has_teacher else 0.0
+        self._next_read = 0.0  # by the clock, as the next
+        self._next_rebuild = 0.0
+        self._last_rebuilt = -1
+
+    def _train(self, minibatches: Minibatches) -> None:
+        epoch, N = minibatches.epoch, minibatches.beams_in_log
+        if not self._catch_up(epoch, N):
+            return
+        if not self._has_teacher:
+            self._rebuild_one(epoch, N)
+        for beams in minibatches.beams:
+            self._clock.spend(1.0)
+            if not self._attempt(
+                "training step of the teacher", lambda: self._store.teach(epoch, beams, N)
+            ):
+                return
+            self._rebuild_one(epoch, N)
+
+    # New beams
+
+    def _catch_up(self, epoch: int, N: int) -> bool:
+        """The log's first N beams into every map, as far as they have come.
+
+        false: the core or its epoch has gone.
+        """
+        while self._blocks is not None or self._clock.now() >= self._next_read:
+            if self._blocks is None and not self._ask_for_blocks(N):
+                self._next_read = self._clock.now() + self._read_period
+                return True
+            if not self._blocks_are_here():
+                return True
+            blocks, self._blocks = self._blocks, None
+            if not self._take_in_blocks(blocks.result(), epoch):
+                self._asked_for = {}
+                return False
+        return True
+
+    def _ask_for_blocks(self, N: int) -> bool:
+        """The next block of beams for every map that is behind; false: there is nothing to do."""
+        behind, before = self._store.behind(N), self._asked_for
+        # Maps that take in nothing must not hold up the others.
+        self._asked_for = {} if behind == before else behind
+        if self._asked_for:
+            first = list(behind.values())
+            self._blocks = self._reads.submit(self._core.read, list(behind), first, BLOCK_BEAMS)
+        return bool(self._asked_for)
+
+    def _blocks_are_here(self) -> bool:
+        """At once if there is a teacher to go on with; else after waiting for them."""
+        if not self._has_teacher:
+            while not (self._blocks.done() or self._store.frozen or rospy.is_shutdown()):
+                wait([self._blocks], IDLE_S)
+                self._between_steps()
+        return self._blocks.done()
+
+    def _take_in_blocks(self, reply: Beams | None, epoch: int) -> bool:
+        """Every map's block of beams into it; false as in `_catch_up`."""
+        if reply is None or reply.epoch != epoch:
+            return False
+        for (particle, first), beams in zip(self._asked_for.items(), reply.beams):
+            self._clock.spend(len(beams) / BLOCK_BEAMS)
+            if not self._attempt(
+                f"taking in beams of particle {particle}",
+                lambda: self._store.take_in(particle, epoch, first, beams),
+            ):
+                return False
+        return True
+
+    # Rebuilding
+
+    def _rebuild_one(self, epoch: int, N: int) -> None:
+        """One map anew, if it is outdated, and enough has been done since the last."""
+        if self._sample is None:
+            outdated = self._store.outdated() if self._clock.now() >= self._next_rebuild else []
+            if not outdated:
+                return
+            # In turn, so that each gets its own.
+            self._last_rebuilt = min(outdated, key=lambda p: (p <= self._last_rebuilt, p))
+            self._sample = self._reads.submit(self._read_sample, self._last_rebuilt, N)
+        if not self._sample.done():
+            return
+        future, self._sample = self._sample, None
+        sample = future.result()
+        if sample is not None and sample.epoch == epoch:
+            self._rebuild(self._last_rebuilt, sample)
+
+    def _rebuild(self, particle: int, sample: Beams) -> None:
+        """A map from all beams of the log, or from as many as a rebuild wants of them."""
+        start = self._clock.now()
+        beams = sample.beams[0]
+        self._clock.spend(1.0 + len(beams) / BLOCK_BEAMS)
+        self._attempt(
+            f"rebuilding the map of particle {particle}",
+            lambda: self._store.rebuild(particle, sample.epoch, beams, sample.beams_in_log),
+        )
+        pause = (self._clock.now() - start) * (1.0 / REBUILD_SHARE - 1.0)
+        self._next_rebuild = self._clock.now() + pause
+
+    def _read_sample(self, particle: int, N: int) -> Beams | None:
+        """Beams that stand for the log as it was then."""
+        if N > self._rebuild_beams:
+            return self._core.sample(particle, self._rebuild_beams)
+        whole = self._core.read([particle], [0], N)
+        return None if whole is None else replace(whole, beams_in_log=len(whole.beams[0]))
+
+
+def _make_feed(store: MapStore, group: MapGroup, end_turn: EndTurn | None) -> Feed:
+    """Minibatches for the teacher, one particle after the other; without one, the log's length."""
+
+    def epoch() -> int:
+        return store.epoch
+
+    if group.teacher is not None:
+        round_robin = itertools.cycle(store.own)
+        request = (lambda: [next(round_robin)], group.minibatch_size, epoch)
+        if end_turn is None:
+            return MinibatchFeed(*request)
+        return TurnFeed(*request, per_round=len(store.own), end_turn=end_turn)
+    if end_turn is None:
+        return LogFeed(epoch, READ_PERIOD_S)
+    # No minibatches: every turn consists of the one reply that tells how long the log is.
+    return TurnFeed(lambda: [], 1, epoch, per_round=0, end_turn=end_turn)
