@@ -3,8 +3,9 @@
 #include <sys/resource.h>
 #include <tf2_eigen/tf2_eigen.h>
 
+#include <utility>
+
 #include "rbpf_core/resampling.hpp"
-#include "rbpf_node/conversions.hpp"
 
 namespace rbpf_node {
 
@@ -43,43 +44,52 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
 
 // ---- input ---------------------------------------------------------------------------------
 
-void SlamNode::handleOdometry(const nav_msgs::Odometry::ConstPtr& message) {
+void SlamNode::handle(const OdometryInput& input) {
   try {
-    filter_.addOdometry(toOdometry(*message, params_.frames));
+    filter_.addOdometry(toOdometry(input, params_.frames));
   } catch (const std::exception& error) {
-    ROS_ERROR_THROTTLE(kWarningPeriod_s, "Odometry refused: %s", error.what());
-    return;
+    return refuse(InputKind::kOdometry, error.what());
   }
   {
     const std::lock_guard lock(mutex_);
-    const ros::Time& stamp = message->header.stamp;
-    if (!last_odometry_.isZero() && (stamp - last_odometry_).toSec() > params_.odometry_gap_s) {
+    if (!last_odometry_.isZero() &&
+        (input.stamp - last_odometry_).toSec() > params_.odometry_gap_s) {
       ROS_WARN("Odometry has a gap of %.2f s before %.3f s; bridged with the mean twist.",
-               (stamp - last_odometry_).toSec(), stamp.toSec());
+               (input.stamp - last_odometry_).toSec(), input.stamp.toSec());
     }
-    last_odometry_ = stamp;
+    last_odometry_ = input.stamp;
     notePingAges();
   }
-  publishers_.publishPose(message->header.stamp);
+  publishers_.publishPose(input.stamp);
 }
 
-void SlamNode::handlePing(const sensor_msgs::PointCloud2::ConstPtr& message) {
+void SlamNode::handle(PingInput input) {
+  const ros::Time stamp = input.stamp;
   {
     const std::lock_guard lock(mutex_);
-    if (input_ == Input::kLive) countGap(message->header.seq);
-    pings_without_mount_.push_back(message);
+    if (input_ == Input::kLive) countGap(input.seq);
+    pings_without_mount_.push_back(std::move(input));
     if (pings_without_mount_.size() > params_.filter.ping_queue) {
       ++pings_missed_;
+      const PingInput& oldest = pings_without_mount_.front();
       ROS_ERROR_THROTTLE(kWarningPeriod_s,
                          "Ping of stamp %.3f s dropped: no transform from '%s' to '%s' has come.",
-                         pings_without_mount_.front()->header.stamp.toSec(),
-                         pings_without_mount_.front()->header.frame_id.c_str(),
-                         params_.frames.base.c_str());
+                         oldest.stamp.toSec(), oldest.frame.c_str(), params_.frames.base.c_str());
       pings_without_mount_.pop_front();
     }
   }
   handOnPings();
-  publishers_.publishPing(message->header.stamp);
+  publishers_.publishPing(stamp);
+}
+
+void SlamNode::refuse(InputKind kind, const std::string& why) {
+  if (kind == InputKind::kOdometry) {
+    ROS_ERROR_THROTTLE(kWarningPeriod_s, "Odometry refused: %s", why.c_str());
+    return;
+  }
+  const std::lock_guard lock(mutex_);
+  ++pings_malformed_;
+  ROS_ERROR_THROTTLE(kWarningPeriod_s, "Ping refused: %s", why.c_str());
 }
 
 void SlamNode::countGap(std::uint32_t seq) {
@@ -90,26 +100,19 @@ void SlamNode::countGap(std::uint32_t seq) {
 void SlamNode::handOnPings() {
   const std::lock_guard lock(mutex_);
   while (!pings_without_mount_.empty()) {
-    const sensor_msgs::PointCloud2& message = *pings_without_mount_.front();
-    const std::string& frame = message.header.frame_id;
+    const PingInput& ping = pings_without_mount_.front();
     std::string why;
-    if (frame.empty() ||
-        !transforms_.canTransform(params_.frames.base, frame, ros::Time(0), &why)) {
+    if (ping.frame.empty() ||
+        !transforms_.canTransform(params_.frames.base, ping.frame, ros::Time(0), &why)) {
       ROS_WARN_THROTTLE(kWarningPeriod_s, "%zu pings wait for the mount of '%s' on '%s': %s",
-                        pings_without_mount_.size(), frame.c_str(), params_.frames.base.c_str(),
-                        why.c_str());
+                        pings_without_mount_.size(), ping.frame.c_str(),
+                        params_.frames.base.c_str(), why.c_str());
       return;
     }
-    try {
-      const Eigen::Isometry3d T_base_sensor = tf2::transformToEigen(
-          transforms_.lookupTransform(params_.frames.base, frame, ros::Time(0)));
-      const std::string problem = filter_.addPing(toPing(message, T_base_sensor));
-      if (!problem.empty()) ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", problem.c_str());
-    } catch (const std::exception& error) {
-      ++pings_malformed_;
-      ROS_ERROR_THROTTLE(kWarningPeriod_s, "Ping of stamp %.3f s refused: %s",
-                         message.header.stamp.toSec(), error.what());
-    }
+    const Eigen::Isometry3d T_base_sensor = tf2::transformToEigen(
+        transforms_.lookupTransform(params_.frames.base, ping.frame, ros::Time(0)));
+    const std::string problem = filter_.addPing(toPing(ping, T_base_sensor));
+    if (!problem.empty()) ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", problem.c_str());
     pings_without_mount_.pop_front();
   }
   notePingAges();

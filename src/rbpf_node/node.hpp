@@ -1,18 +1,18 @@
-// The SLAM node: messages in, filter, loop closing, messages out. The live node and the offline
-// replay hand their messages to the same handlers.
+// The SLAM node: inputs, filter, loop closing, messages out. What comes in has passed the same
+// door, live and in an offline replay.
 #pragma once
 
 #include <diagnostic_updater/diagnostic_updater.h>
-#include <nav_msgs/Odometry.h>
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
-#include <sensor_msgs/PointCloud2.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 
 #include <deque>
 #include <mutex>
+#include <string>
 
+#include "rbpf_node/inputs/message_types.hpp"
 #include "rbpf_node/loop_closure_loop.hpp"
 #include "rbpf_node/ping_ages.hpp"
 #include "rbpf_node/publishers.hpp"
@@ -30,10 +30,14 @@ class SlamNode {
   SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
            Input input);
 
-  void handleOdometry(const nav_msgs::Odometry::ConstPtr& message);
-  void handlePing(const sensor_msgs::PointCloud2::ConstPtr& message);
+  void handle(const OdometryInput& input);
+  void handle(PingInput input);
 
-  void finish() { filter_.finish(); }  // the survey is over
+  // A message that told nothing, and what was wrong with it.
+  void refuse(InputKind kind, const std::string& why);
+
+  // The survey is over.
+  void finish() { filter_.finish(); }
 
   tf2_ros::Buffer& transforms() { return transforms_; }
   MapNodes& maps() { return maps_; }
@@ -61,17 +65,21 @@ class SlamNode {
   tf2_ros::Buffer transforms_;
   diagnostic_updater::Updater diagnostics_;
 
-  mutable std::mutex mutex_;  // guards what follows
-  std::deque<sensor_msgs::PointCloud2::ConstPtr> pings_without_mount_;
+  // guards what follows
+  mutable std::mutex mutex_;
+  std::deque<PingInput> pings_without_mount_;
   ros::Time last_odometry_;
   std::uint32_t last_seq_ = 0;
-  std::uint64_t pings_missed_ = 0;  // gaps in header.seq, and pings whose sensor's mount never came
+  // gaps in header.seq, and pings whose sensor's mount never came
+  std::uint64_t pings_missed_ = 0;
   std::uint64_t pings_malformed_ = 0;
-  std::size_t pings_noted_ = 0;  // whose ages are known
+  // whose ages are known
+  std::size_t pings_noted_ = 0;
   PingAges ages_;
 
   ros::ServiceServer finish_server_;
-  ros::WallTimer overview_timer_;  // last: what it calls needs all of the above
+  // last: what it calls needs all of the above
+  ros::WallTimer overview_timer_;
 };
 
 }  // namespace rbpf_node

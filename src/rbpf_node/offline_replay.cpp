@@ -29,6 +29,7 @@ std::string namesOf(const std::vector<std::uint32_t>& nodes) {
 OfflineReplay::OfflineReplay(ros::NodeHandle private_node, const Parameters& params, SlamNode* slam)
     : params_(params),
       slam_(*slam),
+      door_(slam),
       turns_(params.nodes, [] { return ros::isShuttingDown(); }),
       server_(private_node.advertiseService("take_turn", &OfflineReplay::take, this)) {}
 
@@ -45,7 +46,7 @@ double OfflineReplay::run(const std::string& bag_path, const OfflineTopics& topi
   for (const StampedMessage& message : order.messages) {
     if (ros::isShuttingDown()) throw std::runtime_error("interrupted");
     const double survey_s = (message.stamp - begin).toSec();
-    handOn(message);
+    door_.takeIn(message.kind, rawMessage(message.instance));
     trainUpTo(survey_s);
     slam_.loopClosureLoop().promptIfDue();
     progress_.update(survey_s, [this] { return counts(); });
@@ -64,15 +65,6 @@ void OfflineReplay::takeStaticTransforms(const rosbag::Bag& bag) {
     for (const auto& transform : message->transforms) {
       slam_.transforms().setTransform(transform, instance.getCallerId(), true);
     }
-  }
-}
-
-void OfflineReplay::handOn(const StampedMessage& message) {
-  switch (message.kind) {
-    case InputKind::kOdometry:
-      return slam_.handleOdometry(message.instance.instantiate<nav_msgs::Odometry>());
-    case InputKind::kPing:
-      return slam_.handlePing(message.instance.instantiate<sensor_msgs::PointCloud2>());
   }
 }
 

@@ -9,12 +9,9 @@
 
 #include "rbpf_core/loop_closure.hpp"
 #include "rbpf_core/particle_filter.hpp"
+#include "rbpf_node/frames.hpp"
 
 namespace rbpf_node {
-
-struct Frames {
-  std::string map, odom, base;
-};
 
 struct Parameters {
   std::size_t nodes = 2;  // B

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "rbpf_node/inputs/message_types.hpp"
+
 namespace rbpf_node {
 
 struct OfflineTopics {
@@ -14,17 +16,17 @@ struct OfflineTopics {
   std::string pings;
 };
 
-enum class InputKind { kOdometry, kPing };  // in the order in which they are handed on
-
 struct StampedMessage {
-  ros::Time stamp;  // the header's
+  // the header's
+  ros::Time stamp;
   InputKind kind;
   rosbag::MessageInstance instance;
 };
 
 struct StampOrder {
   std::vector<StampedMessage> messages;
-  std::size_t unreadable = 0;  // messages that do not hold what they should, or have no stamp
+  // messages that hold no header, or have no stamp
+  std::size_t unreadable = 0;
 };
 
 // Opens a bag and checks that it holds both topics. Throws std::runtime_error that names the bag

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <sensor_msgs/PointCloud2.h>
+
+#include "rbpf_node/inputs/ping_input.hpp"
+
+namespace rbpf_node {
+
+// One beam a point. Throws std::invalid_argument that names what is wrong with the message, the
+// value and what was expected.
+PingInput fromPointCloud2(const sensor_msgs::PointCloud2& message);
+
+}  // namespace rbpf_node

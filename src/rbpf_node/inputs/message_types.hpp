@@ -1,0 +1,29 @@
+// The types of message that are understood, live and offline.
+#pragma once
+
+#include <string>
+#include <variant>
+
+#include "rbpf_node/inputs/odometry_input.hpp"
+#include "rbpf_node/inputs/ping_input.hpp"
+#include "rbpf_node/inputs/raw_message.hpp"
+
+namespace rbpf_node {
+
+// What a topic carries. In the order in which inputs of the same stamp are handed on: a ping then
+// need not wait for the next odometry.
+enum class InputKind { kOdometry, kPing };
+
+// alternatives in the order of InputKind
+using AnyInput = std::variant<OdometryInput, PingInput>;
+
+// What a message says. Throws std::invalid_argument that names what is wrong with it, the value
+// and what was expected; a type of which topics of this kind cannot be is wrong too.
+AnyInput readInput(InputKind kind, const RawMessage& raw);
+
+// Empty if topics of this kind may carry messages of the type, otherwise what they may carry:
+// "sensor_msgs/PointCloud2 or ...".
+std::string expectedInsteadOf(InputKind kind, const std::string& datatype,
+                              const std::string& md5sum);
+
+}  // namespace rbpf_node

@@ -1,0 +1,17 @@
+#include "rbpf_node/inputs/ping_input.hpp"
+
+namespace rbpf_node {
+
+rbpf_core::Ping toPing(const PingInput& input, const Eigen::Isometry3d& T_base_sensor) {
+  rbpf_core::Ping ping;
+  ping.stamp_s = input.stamp.toSec();
+  ping.sensor_m = T_base_sensor.translation().cast<float>();
+  ping.beams_m.resize(3, input.beams_m.cols());
+  const Eigen::Isometry3f T = T_base_sensor.cast<float>();
+  for (Eigen::Index i = 0; i < ping.beams_m.cols(); ++i) {
+    ping.beams_m.col(i) = T * Eigen::Vector3f(input.beams_m.col(i));
+  }
+  return ping;
+}
+
+}  // namespace rbpf_node

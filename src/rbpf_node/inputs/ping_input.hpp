@@ -1,0 +1,27 @@
+// A ping, whatever message it came in.
+#pragma once
+
+#include <ros/time.h>
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <string>
+
+#include "rbpf_core/types.hpp"
+
+namespace rbpf_node {
+
+struct PingInput {
+  ros::Time stamp;
+  // the sender's count of its messages: a gap is pings that never came
+  std::uint32_t seq = 0;
+  // of the sensor
+  std::string frame;
+  // [3, n] in `frame`; may hold NaN
+  rbpf_core::Beams beams_m;
+};
+
+// T_base_sensor takes the ping's frame into base_link.
+rbpf_core::Ping toPing(const PingInput& input, const Eigen::Isometry3d& T_base_sensor);
+
+}  // namespace rbpf_node
