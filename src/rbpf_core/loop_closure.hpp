@@ -19,7 +19,7 @@ struct LoopClosureParams {
   double student_t_dof = 4.0;     // degrees of freedom of a beam's likelihood
   double min_overlap =
       0.3;  // share of (beam, particle) pairs over mapped seabed below which nothing is said
-  double mapped_variance = 0.25;  // mapped: latent variance below this share of the prior's
+  double mapped_variance = 0.7;  // mapped: latent variance below this share of the prior's
   double veto_sigma =
       4.0;  // RMS normalised innovation of the best particle above which no map explains the ping
 };

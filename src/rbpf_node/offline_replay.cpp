@@ -33,13 +33,13 @@ OfflineReplay::OfflineReplay(ros::NodeHandle private_node, const Parameters& par
       turns_(params.nodes, [] { return ros::isShuttingDown(); }),
       server_(private_node.advertiseService("take_turn", &OfflineReplay::take, this)) {}
 
-double OfflineReplay::run(const std::string& bag_path, const OfflineTopics& topics) {
+double OfflineReplay::run(const OfflineParameters& offline) {
   rosbag::Bag bag;
-  openBag(bag_path, topics, &bag);
+  openBag(offline.bag, offline.topics, &bag);
   takeStaticTransforms(bag);
   if (mapping()) awaitNodes(0.0);
   progress_.start();
-  const StampOrder order = inStampOrder(bag, topics);
+  const StampOrder order = inStampOrder(bag, offline.topics);
   const ros::Time begin = order.messages.front().stamp;
   const double duration_s = (order.messages.back().stamp - begin).toSec();
   progress_.setDuration(duration_s);

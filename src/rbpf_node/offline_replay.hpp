@@ -31,7 +31,7 @@ class OfflineReplay {
   // due. At the end it grants the steps of output/final_training_s more. Prints progress. Returns
   // the wall time, s, that the survey took, final training not included. Throws
   // std::runtime_error if the bag cannot be read or lacks a topic, and when interrupted.
-  double run(const std::string& bag_path, const OfflineTopics& topics);
+  double run(const OfflineParameters& offline);
 
  private:
   bool mapping() const { return params_.offline_steps_per_second > 0.0; }

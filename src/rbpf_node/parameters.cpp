@@ -81,14 +81,26 @@ rbpf_core::LoopClosureParams loopClosure(ParameterReader& reader) {
   return params;
 }
 
+// What cannot be right together.
+void expectAgreement(const Parameters& params) {
+  if (params.nodes > params.filter.particles) {
+    ParameterReader::fail(
+        "nodes", std::to_string(params.nodes),
+        "at most one for each of the " + std::to_string(params.filter.particles) + " particles");
+  }
+  // Every prompt would be tempered until nothing is left to resample, and so would all after it.
+  if (params.loop_closure.rule == rbpf_core::WeightRule::kRobust &&
+      params.resampling_threshold > 0.0 &&
+      params.loop_closure.min_n_eff_share >= params.resampling_threshold) {
+    ParameterReader::fail(
+        "lc/min_n_eff_share", std::to_string(params.loop_closure.min_n_eff_share),
+        "a number below resampling/threshold, " + std::to_string(params.resampling_threshold));
+  }
+}
+
 }  // namespace
 
-Parameters loadParameters(const ros::NodeHandle& node) {
-  XmlRpc::XmlRpcValue tree;
-  if (!node.getParam("rbpf_svgp_slam", tree)) {
-    ParameterReader::fail(node.resolveName("rbpf_svgp_slam"), "missing",
-                          "config/default.yaml to be loaded there");
-  }
+Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   ParameterReader reader(tree);
   Parameters params;
   params.nodes = static_cast<std::size_t>(reader.integer("nodes", 1, 1000));
@@ -106,21 +118,39 @@ Parameters loadParameters(const ros::NodeHandle& node) {
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
   params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
   reader.number("output/time_lapse_period_s", 0.0, kUnlimited);  // for the recorder alone
-  if (params.nodes > params.filter.particles) {
-    ParameterReader::fail(
-        "nodes", std::to_string(params.nodes),
-        "at most one for each of the " + std::to_string(params.filter.particles) + " particles");
-  }
-  // Every prompt would be tempered until nothing is left to resample, and so would all after it.
-  if (params.loop_closure.rule == rbpf_core::WeightRule::kRobust &&
-      params.resampling_threshold > 0.0 &&
-      params.loop_closure.min_n_eff_share >= params.resampling_threshold) {
-    ParameterReader::fail(
-        "lc/min_n_eff_share", std::to_string(params.loop_closure.min_n_eff_share),
-        "a number below resampling/threshold, " + std::to_string(params.resampling_threshold));
-  }
-  reader.refuseUnknown({"svgp", "map"});
+  expectAgreement(params);
+  // svgp is always there, for config/default.yaml sets it, whichever engine is chosen
+  reader.refuseUnknown({"map", "svgp", reader.text("map/engine")});
   return params;
+}
+
+OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree) {
+  ParameterReader reader(tree);
+  if (!reader.boolean("~take_turns")) {
+    ParameterReader::fail("~take_turns", "false",
+                          "true before the map nodes start, as in offline.launch: they would not "
+                          "wait for the replay");
+  }
+  return {reader.text("~bag"), {reader.text("~odom_topic"), reader.text("~ping_topic")}};
+}
+
+Parameters loadParameters(const ros::NodeHandle& node) {
+  XmlRpc::XmlRpcValue tree;
+  if (!node.getParam("rbpf_svgp_slam", tree)) {
+    ParameterReader::fail(node.resolveName("rbpf_svgp_slam"), "missing",
+                          "config/default.yaml to be loaded there");
+  }
+  return validParameters(tree);
+}
+
+OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node) {
+  XmlRpc::XmlRpcValue tree;
+  tree["~bag"] = std::string();
+  tree["~odom_topic"] = std::string("/odom");
+  tree["~ping_topic"] = std::string("/mbes/pings");
+  tree["~take_turns"] = false;
+  for (auto& [name, value] : tree) private_node.getParam(name.substr(1), value);
+  return validOfflineParameters(tree);
 }
 
 }  // namespace rbpf_node

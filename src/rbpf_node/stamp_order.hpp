@@ -8,13 +8,9 @@
 #include <vector>
 
 #include "rbpf_node/inputs/message_types.hpp"
+#include "rbpf_node/parameters.hpp"
 
 namespace rbpf_node {
-
-struct OfflineTopics {
-  std::string odometry;
-  std::string pings;
-};
 
 struct StampedMessage {
   // the header's

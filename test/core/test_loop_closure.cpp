@@ -212,11 +212,13 @@ TEST(RobustRule, SaysNothingOverSeabedThatIsNotMapped) {
 }
 
 TEST(RobustRule, MeasuresWhatIsMappedAgainstEachMapsOwnPrior) {
+  LoopClosureParams params;
+  params.mapped_variance = 0.25;
   Prompt prompt(2, 40);
   prompt.maps.variance_m2.setConstant(0.5);
-  EXPECT_EQ(prompt.likelihood().outcome, PromptOutcome::kWeighted);
+  EXPECT_EQ(prompt.likelihood(params).outcome, PromptOutcome::kWeighted);
   prompt.maps.prior_variance_m2.setConstant(1.0);  // 0.5 is now half of the prior
-  EXPECT_EQ(prompt.likelihood().outcome, PromptOutcome::kLittleOverlap);
+  EXPECT_EQ(prompt.likelihood(params).outcome, PromptOutcome::kLittleOverlap);
 }
 
 TEST(RobustRule, VetoesAPingThatNoParticleExplains) {
