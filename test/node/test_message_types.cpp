@@ -1,5 +1,6 @@
 // What the node reads from the bytes of a message, on the wire or in a bag.
 #include <gtest/gtest.h>
+#include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <std_msgs/String.h>
 
@@ -30,6 +31,15 @@ TEST(ReadInput, FindsTheConversionByTheMessagesType) {
   const AnyInput input = readInput(InputKind::kOdometry, rawOf(odometryMessage()));
   EXPECT_EQ(std::get<OdometryInput>(input).stamp, ros::Time(100, 250000000));
   EXPECT_EQ(std::get<OdometryInput>(input).position_m, Eigen::Vector3d(10.0, -20.0, -30.0));
+}
+
+TEST(ReadInput, ReadsPingsOfEveryType) {
+  sensor_msgs::LaserScan scan;
+  scan.header.stamp = ros::Time(3.0);
+  scan.range_max = 100.0F;
+  scan.ranges = {10.0F};
+  const AnyInput input = readInput(InputKind::kPing, rawOf(scan));
+  EXPECT_EQ(std::get<PingInput>(input).beams_m.cols(), 1);
 }
 
 TEST(ReadInput, RefusesATypeThatTheTopicCannotCarry) {
@@ -70,7 +80,7 @@ TEST(ExpectedInsteadOf, IsNothingForWhatIsUnderstood) {
   const RawMessage raw = rawOf(odometryMessage());
   EXPECT_EQ(expectedInsteadOf(InputKind::kOdometry, raw.datatype, raw.md5sum), "");
   EXPECT_EQ(expectedInsteadOf(InputKind::kPing, raw.datatype, raw.md5sum),
-            "sensor_msgs/PointCloud2");
+            "sensor_msgs/PointCloud2 or sensor_msgs/LaserScan");
 }
 
 }  // namespace

@@ -92,7 +92,9 @@ TEST_F(StampOrderTest, WantsTheRightTypes) {
   writer_.write("/pings", ros::Time(1.0), std_msgs::String());
   writer_.close();
   EXPECT_EQ(errorOfOpening(),
-            path_ + " holds std_msgs/String on /pings, expected sensor_msgs/PointCloud2");
+            path_ +
+                " holds std_msgs/String on /pings, expected sensor_msgs/PointCloud2 or "
+                "sensor_msgs/LaserScan");
 }
 
 TEST_F(StampOrderTest, SaysWhatIsWrongWithABagThatWasCutOff) {

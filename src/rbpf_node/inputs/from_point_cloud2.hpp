@@ -6,8 +6,9 @@
 
 namespace rbpf_node {
 
-// One beam a point. Throws std::invalid_argument that names what is wrong with the message, the
-// value and what was expected.
+// One beam a point, row by row; fields in any order, float32 or float64, of either byte order,
+// among whatever other fields. Throws std::invalid_argument that names what is wrong with the
+// message, the value and what was expected.
 PingInput fromPointCloud2(const sensor_msgs::PointCloud2& message);
 
 }  // namespace rbpf_node

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "rbpf_node/inputs/from_laser_scan.hpp"
 #include "rbpf_node/inputs/from_odometry.hpp"
 #include "rbpf_node/inputs/from_point_cloud2.hpp"
 
@@ -34,6 +35,7 @@ const std::vector<MessageType>& messageTypes() {
   static const std::vector<MessageType> types = {
       messageType(fromOdometry),
       messageType(fromPointCloud2),
+      messageType(fromLaserScan),
   };
   return types;
 }
