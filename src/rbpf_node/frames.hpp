@@ -11,4 +11,9 @@ struct Frames {
   std::string base = "base_link";
 };
 
+// A frame's name as tf2 knows it: tf names of old began with a slash.
+inline std::string withoutSlash(const std::string& frame) {
+  return frame.empty() || frame.front() != '/' ? frame : frame.substr(1);
+}
+
 }  // namespace rbpf_node

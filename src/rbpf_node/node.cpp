@@ -31,7 +31,8 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
       loop_(filter_, maps_, params),
       services_(private_node, filter_, loop_),
       publishers_(private_node, filter_, params),
-      diagnostics_(node, private_node, ros::this_node::getName()) {
+      diagnostics_(node, private_node, ros::this_node::getName()),
+      unmounted_(params.filter.ping_queue) {
   finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
@@ -68,17 +69,14 @@ void SlamNode::handle(PingInput input) {
   {
     const std::lock_guard lock(mutex_);
     if (input_ == Input::kLive) countGap(input.seq);
-    pings_without_mount_.push_back(std::move(input));
-    if (pings_without_mount_.size() > params_.filter.ping_queue) {
-      ++pings_missed_;
-      const PingInput& oldest = pings_without_mount_.front();
-      ROS_ERROR_THROTTLE(kWarningPeriod_s,
-                         "Ping of stamp %.3f s dropped: no transform from '%s' to '%s' has come.",
-                         oldest.stamp.toSec(), oldest.frame.c_str(), params_.frames.base.c_str());
-      pings_without_mount_.pop_front();
+    takeInMounted();  // older ones first
+    if (const auto T_base_sensor = mountOf(input.frame)) {
+      takeIn(input, *T_base_sensor);
+    } else if (const auto oldest = unmounted_.push(std::move(input))) {
+      dropUnmounted(*oldest);
     }
+    notePingAges();
   }
-  handOnPings();
   publishers_.publishPing(stamp);
 }
 
@@ -97,25 +95,37 @@ void SlamNode::countGap(std::uint32_t seq) {
   last_seq_ = seq;
 }
 
-void SlamNode::handOnPings() {
-  const std::lock_guard lock(mutex_);
-  while (!pings_without_mount_.empty()) {
-    const PingInput& ping = pings_without_mount_.front();
-    std::string why;
-    if (ping.frame.empty() ||
-        !transforms_.canTransform(params_.frames.base, ping.frame, ros::Time(0), &why)) {
-      ROS_WARN_THROTTLE(kWarningPeriod_s, "%zu pings wait for the mount of '%s' on '%s': %s",
-                        pings_without_mount_.size(), ping.frame.c_str(),
-                        params_.frames.base.c_str(), why.c_str());
-      return;
-    }
-    const Eigen::Isometry3d T_base_sensor = tf2::transformToEigen(
-        transforms_.lookupTransform(params_.frames.base, ping.frame, ros::Time(0)));
-    const std::string problem = filter_.addPing(toPing(ping, T_base_sensor));
-    if (!problem.empty()) ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", problem.c_str());
-    pings_without_mount_.pop_front();
+std::optional<Eigen::Isometry3d> SlamNode::mountOf(const std::string& frame) const {
+  const std::string& base = params_.frames.base;
+  // tf2 knows no frame of which nobody has told it
+  if (frame == base) return Eigen::Isometry3d::Identity();
+  try {
+    return tf2::transformToEigen(transforms_.lookupTransform(base, frame, ros::Time(0)));
+  } catch (const tf2::TransformException& error) {
+    ROS_WARN_THROTTLE(kWarningPeriod_s, "Pings wait for the mount of '%s' on '%s': %s",
+                      frame.c_str(), base.c_str(), error.what());
+    return std::nullopt;
   }
-  notePingAges();
+}
+
+void SlamNode::takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor) {
+  const std::string problem = filter_.addPing(toPing(ping, T_base_sensor));
+  if (!problem.empty()) ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", problem.c_str());
+}
+
+void SlamNode::takeInMounted() {
+  for (const std::string& frame : unmounted_.frames()) {
+    const auto T_base_sensor = mountOf(frame);
+    if (!T_base_sensor) continue;
+    for (const PingInput& ping : unmounted_.take(frame)) takeIn(ping, *T_base_sensor);
+  }
+}
+
+void SlamNode::dropUnmounted(const PingInput& ping) {
+  ++pings_missed_;
+  ROS_ERROR_THROTTLE(kWarningPeriod_s,
+                     "Ping of stamp %.3f s dropped: no transform from '%s' to '%s' has come.",
+                     ping.stamp.toSec(), ping.frame.c_str(), params_.frames.base.c_str());
 }
 
 void SlamNode::notePingAges() {
@@ -124,6 +134,15 @@ void SlamNode::notePingAges() {
   for (; pings_noted_ < filter.pings(); ++pings_noted_) {
     ages_.add(ros::Time::now().toSec() - filter.record(pings_noted_).stamp_s);
   }
+}
+
+void SlamNode::finish() {
+  const std::lock_guard lock(mutex_);
+  takeInMounted();
+  for (const std::string& frame : unmounted_.frames()) {
+    for (const PingInput& ping : unmounted_.take(frame)) dropUnmounted(ping);
+  }
+  filter_.finish();
 }
 
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -148,7 +167,7 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   {
     const std::lock_guard lock(mutex_);
     status.header.stamp = last_odometry_;
-    status.pings_waiting = pings_without_mount_.size() + filter.pingsWaiting();
+    status.pings_waiting = unmounted_.size() + filter.pingsWaiting();
     status.pings_dropped = pings_missed_ + counters.pings_dropped;
     status.pings_rejected = pings_malformed_ + counters.pings_rejected;
     status.ping_age_p99_s = ages_.quantile(0.99);
@@ -183,7 +202,11 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
 }
 
 void SlamNode::publishOverview() {
-  handOnPings();  // in case the mount has come since the last ping
+  {
+    const std::lock_guard lock(mutex_);
+    takeInMounted();  // in case a mount has come since the last ping
+    notePingAges();
+  }
   const rbpf_svgp_slam::FilterStatus now = status();
   publishers_.publishStatus(now);
   if (now.odometry_messages > 0) publishers_.publishOverview(now.header.stamp);

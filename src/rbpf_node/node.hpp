@@ -8,12 +8,13 @@
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 
-#include <deque>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "rbpf_node/inputs/message_types.hpp"
 #include "rbpf_node/loop_closure_loop.hpp"
+#include "rbpf_node/mount_queue.hpp"
 #include "rbpf_node/ping_ages.hpp"
 #include "rbpf_node/publishers.hpp"
 #include "rbpf_node/services.hpp"
@@ -36,8 +37,8 @@ class SlamNode {
   // A message that told nothing, and what was wrong with it.
   void refuse(InputKind kind, const std::string& why);
 
-  // The survey is over.
-  void finish() { filter_.finish(); }
+  // The survey is over: what still waits is dropped and counted.
+  void finish();
 
   tf2_ros::Buffer& transforms() { return transforms_; }
   MapNodes& maps() { return maps_; }
@@ -45,10 +46,15 @@ class SlamNode {
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
-  void handOnPings();
+  // These expect mutex_ to be held.
+  std::optional<Eigen::Isometry3d> mountOf(const std::string& frame) const;
+  void takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor);
+  void takeInMounted();
+  void dropUnmounted(const PingInput& ping);
+  void notePingAges();
+
   bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void countGap(std::uint32_t seq);
-  void notePingAges();
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
   void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const;
@@ -67,7 +73,7 @@ class SlamNode {
 
   // guards what follows
   mutable std::mutex mutex_;
-  std::deque<PingInput> pings_without_mount_;
+  MountQueue unmounted_;
   ros::Time last_odometry_;
   std::uint32_t last_seq_ = 0;
   // gaps in header.seq, and pings whose sensor's mount never came

@@ -2,13 +2,13 @@
 
 #include <ros/console.h>
 #include <ros/init.h>
-#include <rosbag/view.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
+
+#include "rbpf_node/bag_mounts.hpp"
 
 namespace rbpf_node {
 
@@ -36,10 +36,12 @@ OfflineReplay::OfflineReplay(ros::NodeHandle private_node, const Parameters& par
 double OfflineReplay::run(const OfflineParameters& offline) {
   rosbag::Bag bag;
   openBag(offline.bag, offline.topics, &bag);
-  takeStaticTransforms(bag);
   if (mapping()) awaitNodes(0.0);
   progress_.start();
   const StampOrder order = inStampOrder(bag, offline.topics);
+  for (const auto& mount : mountsIn(bag, params_.frames, order.ping_frames)) {
+    slam_.transforms().setTransform(mount, offline.bag, true);
+  }
   const ros::Time begin = order.messages.front().stamp;
   const double duration_s = (order.messages.back().stamp - begin).toSec();
   progress_.setDuration(duration_s);
@@ -56,16 +58,6 @@ double OfflineReplay::run(const OfflineParameters& offline) {
       progress_.end(counts() + ", " + std::to_string(order.unreadable) + " messages unreadable");
   trainFinally(duration_s);
   return wall_s;
-}
-
-void OfflineReplay::takeStaticTransforms(const rosbag::Bag& bag) {
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag, rosbag::TopicQuery(std::string("/tf_static")))) {
-    const auto message = instance.instantiate<tf2_msgs::TFMessage>();
-    for (const auto& transform : message->transforms) {
-      slam_.transforms().setTransform(transform, instance.getCallerId(), true);
-    }
-  }
 }
 
 void OfflineReplay::trainFinally(double duration_s) {

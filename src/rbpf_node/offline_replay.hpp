@@ -35,7 +35,6 @@ class OfflineReplay {
 
  private:
   bool mapping() const { return params_.offline_steps_per_second > 0.0; }
-  void takeStaticTransforms(const rosbag::Bag& bag);
   void trainFinally(double duration_s);
   void trainUpTo(double survey_s);
   void awaitNodes(double survey_s);

@@ -104,8 +104,9 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   ParameterReader reader(tree);
   Parameters params;
   params.nodes = static_cast<std::size_t>(reader.integer("nodes", 1, 1000));
-  params.frames = {reader.text("frames/map"), reader.text("frames/odom"),
-                   reader.text("frames/base")};
+  params.frames = {withoutSlash(reader.text("frames/map")),
+                   withoutSlash(reader.text("frames/odom")),
+                   withoutSlash(reader.text("frames/base"))};
   params.odometry_gap_s = reader.number("odometry/gap_s", 0.0, kUnlimited);
   params.filter = filter(reader);
   params.loop_closure = loopClosure(reader);

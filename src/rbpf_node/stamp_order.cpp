@@ -31,7 +31,9 @@ void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, S
   rosbag::View view(bag, rosbag::TopicQuery(topic));
   for (const rosbag::MessageInstance& instance : view) {
     try {
-      order->messages.push_back({headerOf(rawMessage(instance)).stamp, kind, instance});
+      const std_msgs::Header header = headerOf(rawMessage(instance));
+      order->messages.push_back({header.stamp, kind, instance});
+      if (kind == InputKind::kPing) order->ping_frames.insert(withoutSlash(header.frame_id));
     } catch (const std::exception& error) {
       ++order->unreadable;
       ROS_ERROR_THROTTLE(5.0, "Message on %s, received at %.3f s, refused: %s", topic.c_str(),

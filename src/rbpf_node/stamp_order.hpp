@@ -4,6 +4,7 @@
 #include <rosbag/bag.h>
 #include <rosbag/message_instance.h>
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,8 @@ struct StampedMessage {
 
 struct StampOrder {
   std::vector<StampedMessage> messages;
+  // of the sensors that pings come from
+  std::set<std::string> ping_frames;
   // messages that hold no header, or have no stamp
   std::size_t unreadable = 0;
 };

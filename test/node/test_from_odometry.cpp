@@ -36,6 +36,13 @@ TEST(FromOdometry, TakesStampPoseAttitudeAndTwist) {
   EXPECT_EQ(odometry.angular_radps, Eigen::Vector3d(0.1, 0.2, 0.3));
 }
 
+TEST(FromOdometry, TakesFramesWithASlash) {
+  nav_msgs::Odometry message = odometryMessage();
+  message.header.frame_id = "/odom";
+  message.child_frame_id = "/base_link";
+  EXPECT_EQ(refusalOf(message), "");
+}
+
 TEST(FromOdometry, RefusesAnotherFrame) {
   nav_msgs::Odometry message = odometryMessage();
   message.header.frame_id = "world_ned";

@@ -112,6 +112,7 @@ sensor_msgs::PointCloud2 cloudLaidOut(const std::vector<Eigen::Vector3f>& points
                                       const Layout& layout) {
   const std::uint32_t size = layout.is_double ? 8 : 4;
   sensor_msgs::PointCloud2 cloud;
+  cloud.header.frame_id = "mbes";
   cloud.is_bigendian = layout.is_bigendian;
   cloud.fields = {floatField("y", 3), floatField("z", 3 + size), floatField("x", 3 + 2 * size)};
   for (PointField& field : cloud.fields) {
@@ -186,6 +187,21 @@ TEST(FromPointCloud2, LeavesNaNToTheFilter) {
 }
 
 TEST(FromPointCloud2, TakesAPingWithoutBeams) { EXPECT_EQ(read(cloudOf({})).beams_m.cols(), 0); }
+
+TEST(FromPointCloud2, TakesItsFrameWithoutASlash) {
+  sensor_msgs::PointCloud2 cloud = goodCloud();
+  cloud.header.frame_id = "/mbes";
+  EXPECT_EQ(fromPointCloud2(cloud).frame, "mbes");
+}
+
+TEST(FromPointCloud2, RefusesAPingWithoutAFrame) {
+  sensor_msgs::PointCloud2 cloud = goodCloud();
+  for (const std::string frame : {"", "/"}) {
+    cloud.header.frame_id = frame;
+    EXPECT_EQ(refusalOf(cloud),
+              "ping's header.frame_id is '" + frame + "', expected the sensor's frame");
+  }
+}
 
 TEST(FromPointCloud2, RefusesAMissingField) {
   for (const std::string name : {"x", "y", "z"}) {

@@ -36,6 +36,7 @@ TEST(ReadInput, FindsTheConversionByTheMessagesType) {
 TEST(ReadInput, ReadsPingsOfEveryType) {
   sensor_msgs::LaserScan scan;
   scan.header.stamp = ros::Time(3.0);
+  scan.header.frame_id = "mbes";
   scan.range_max = 100.0F;
   scan.ranges = {10.0F};
   const AnyInput input = readInput(InputKind::kPing, rawOf(scan));

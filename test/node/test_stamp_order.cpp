@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -70,6 +71,17 @@ TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
     EXPECT_EQ(order.messages[i].kind, kinds[i]);
   }
   EXPECT_EQ(order.messages[1].instance.getTime().toSec(), 6.0);
+}
+
+TEST_F(StampOrderTest, NamesTheSensorsFrames) {
+  write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
+  for (const std::string frame : {"mbes", "/mbes", "sidescan"}) {
+    sensor_msgs::PointCloud2 ping;
+    ping.header.stamp = ros::Time(2.0);
+    ping.header.frame_id = frame;
+    writer_.write("/pings", ros::Time(2.0), ping);
+  }
+  EXPECT_EQ(readBack().ping_frames, (std::set<std::string>{"mbes", "sidescan"}));
 }
 
 TEST_F(StampOrderTest, LeavesOutMessagesWithoutAStamp) {

@@ -33,10 +33,7 @@ void check(const sensor_msgs::LaserScan& message) {
 
 PingInput fromLaserScan(const sensor_msgs::LaserScan& message) {
   check(message);
-  PingInput input;
-  input.stamp = message.header.stamp;
-  input.seq = message.header.seq;
-  input.frame = message.header.frame_id;
+  PingInput input = pingOf(message.header);
   input.beams_m.resize(3, static_cast<Eigen::Index>(message.ranges.size()));
   Eigen::Index beams = 0;
   for (std::size_t i = 0; i < message.ranges.size(); ++i) {

@@ -9,8 +9,8 @@ OdometryInput fromOdometry(const nav_msgs::Odometry& message) {
   const auto& w = message.twist.twist.angular;
   OdometryInput input;
   input.stamp = message.header.stamp;
-  input.frame = message.header.frame_id;
-  input.child_frame = message.child_frame_id;
+  input.frame = withoutSlash(message.header.frame_id);
+  input.child_frame = withoutSlash(message.child_frame_id);
   input.position_m = {p.x, p.y, p.z};
   input.orientation = {q.w, q.x, q.y, q.z};
   input.linear_mps = {v.x, v.y, v.z};

@@ -95,10 +95,7 @@ PingInput fromPointCloud2(const PointCloud2& message) {
   const Column y = columnOf(message, "y");
   const Column z = columnOf(message, "z");
   const std::size_t row_step = rowStep(message);
-  PingInput input;
-  input.stamp = message.header.stamp;
-  input.seq = message.header.seq;
-  input.frame = message.header.frame_id;
+  PingInput input = pingOf(message.header);
   input.beams_m.resize(3, static_cast<Eigen::Index>(message.width) * message.height);
   Eigen::Index beam = 0;
   for (std::size_t row = 0; row < message.height; ++row) {

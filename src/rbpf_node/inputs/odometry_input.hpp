@@ -13,7 +13,7 @@ namespace rbpf_node {
 
 struct OdometryInput {
   ros::Time stamp;
-  // of the pose
+  // of the pose; neither has a slash before it
   std::string frame;
   // whose pose it is, and of the twist
   std::string child_frame;
