@@ -46,13 +46,13 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
 // ---- input ---------------------------------------------------------------------------------
 
 void SlamNode::handle(const OdometryInput& input) {
-  try {
-    filter_.addOdometry(toOdometry(input, params_.frames));
-  } catch (const std::exception& error) {
-    return refuse(InputKind::kOdometry, error.what());
-  }
+  const rbpf_core::Odometry odometry = toOdometry(input, params_.frames);
   {
     const std::lock_guard lock(mutex_);
+    expectLaterThanLast(input.stamp);
+    filter_.addOdometry(odometry);
+    notePingsLost(Reason::kNoOdometry, "a ping is older than all odometry",
+                  "no beam of a ping is finite and within range");
     if (!last_odometry_.isZero() &&
         (input.stamp - last_odometry_).toSec() > params_.odometry_gap_s) {
       ROS_WARN("Odometry has a gap of %.2f s before %.3f s; bridged with the mean twist.",
@@ -64,11 +64,20 @@ void SlamNode::handle(const OdometryInput& input) {
   publishers_.publishPose(input.stamp);
 }
 
+void SlamNode::expectLaterThanLast(const ros::Time& stamp) const {
+  // as the filter sees them: in seconds of limited resolution
+  const double stamp_s = stamp.toSec();
+  const double last_s = last_odometry_.toSec();
+  if (last_odometry_.isZero() || stamp_s > last_s) return;
+  throw Refusal(stamp_s == last_s ? Reason::kDuplicateStamp : Reason::kOutOfOrder,
+                "odometry's stamp is " + std::to_string(stamp_s) + " s, expected later than " +
+                    std::to_string(last_s) + " s, the last one's");
+}
+
 void SlamNode::handle(PingInput input) {
   const ros::Time stamp = input.stamp;
   {
     const std::lock_guard lock(mutex_);
-    if (input_ == Input::kLive) countGap(input.seq);
     takeInMounted();  // older ones first
     if (const auto T_base_sensor = mountOf(input.frame)) {
       takeIn(input, *T_base_sensor);
@@ -80,19 +89,35 @@ void SlamNode::handle(PingInput input) {
   publishers_.publishPing(stamp);
 }
 
-void SlamNode::refuse(InputKind kind, const std::string& why) {
-  if (kind == InputKind::kOdometry) {
-    ROS_ERROR_THROTTLE(kWarningPeriod_s, "Odometry refused: %s", why.c_str());
-    return;
-  }
+void SlamNode::refuse(InputKind kind, Reason reason, const std::string& what) {
   const std::lock_guard lock(mutex_);
-  ++pings_malformed_;
-  ROS_ERROR_THROTTLE(kWarningPeriod_s, "Ping refused: %s", why.c_str());
+  note(kind, reason, what);
 }
 
-void SlamNode::countGap(std::uint32_t seq) {
-  if (last_seq_ != 0 && seq > last_seq_ + 1) pings_missed_ += seq - last_seq_ - 1;
-  last_seq_ = seq;
+void SlamNode::refuse(const RefusalCounts& refused) {
+  const std::lock_guard lock(mutex_);
+  refused_.add(refused);
+}
+
+void SlamNode::note(InputKind kind, Reason reason, const std::string& what,
+                    std::uint64_t messages) {
+  if (messages == 0) return;
+  const std::string name = nameOf(kind, reason);
+  if (refused_.add(kind, reason, what, messages)) {
+    ROS_WARN("First %s: %s", name.c_str(), what.c_str());
+  } else {
+    ROS_WARN_THROTTLE(kWarningPeriod_s, "%s: %s", name.c_str(), what.c_str());
+  }
+}
+
+// The filter counts pings that it does not take in, those that waited in it as well, but not why.
+void SlamNode::notePingsLost(Reason dropped, const std::string& what_dropped,
+                             const std::string& what_rejected) {
+  const rbpf_core::Counters now = filter_.snapshot().counters();
+  note(InputKind::kPing, dropped, what_dropped, now.pings_dropped - noted_.pings_dropped);
+  note(InputKind::kPing, Reason::kNoBeams, what_rejected,
+       now.pings_rejected - noted_.pings_rejected);
+  noted_ = now;
 }
 
 std::optional<Eigen::Isometry3d> SlamNode::mountOf(const std::string& frame) const {
@@ -110,7 +135,10 @@ std::optional<Eigen::Isometry3d> SlamNode::mountOf(const std::string& frame) con
 
 void SlamNode::takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor) {
   const std::string problem = filter_.addPing(toPing(ping, T_base_sensor));
-  if (!problem.empty()) ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", problem.c_str());
+  const bool has_odometry = ping.stamp.toSec() <= last_odometry_.toSec();
+  // one that may wait is lost only if too many do, or if there is nothing to wait for
+  const Reason waiting = finished_ ? Reason::kSurveyOver : Reason::kQueueFull;
+  notePingsLost(has_odometry ? Reason::kNoOdometry : waiting, problem, problem);
 }
 
 void SlamNode::takeInMounted() {
@@ -122,10 +150,9 @@ void SlamNode::takeInMounted() {
 }
 
 void SlamNode::dropUnmounted(const PingInput& ping) {
-  ++pings_missed_;
-  ROS_ERROR_THROTTLE(kWarningPeriod_s,
-                     "Ping of stamp %.3f s dropped: no transform from '%s' to '%s' has come.",
-                     ping.stamp.toSec(), ping.frame.c_str(), params_.frames.base.c_str());
+  note(InputKind::kPing, Reason::kNoMount,
+       "ping of stamp " + std::to_string(ping.stamp.toSec()) + " s dropped: no transform from '" +
+           ping.frame + "' to '" + params_.frames.base + "' has come");
 }
 
 void SlamNode::notePingAges() {
@@ -143,6 +170,8 @@ void SlamNode::finish() {
     for (const PingInput& ping : unmounted_.take(frame)) dropUnmounted(ping);
   }
   filter_.finish();
+  finished_ = true;
+  notePingsLost(Reason::kNoOdometry, "the survey ended before odometry for a ping came", "");
 }
 
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -168,8 +197,13 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
     const std::lock_guard lock(mutex_);
     status.header.stamp = last_odometry_;
     status.pings_waiting = unmounted_.size() + filter.pingsWaiting();
-    status.pings_dropped = pings_missed_ + counters.pings_dropped;
-    status.pings_rejected = pings_malformed_ + counters.pings_rejected;
+    status.pings_dropped = refused_.dropped(InputKind::kPing);
+    status.pings_rejected = refused_.rejected(InputKind::kPing);
+    for (const auto& [what, count] : refused_.counts()) {
+      status.refusal_reasons.push_back(nameOf(what.first, what.second));
+      status.refusal_counts.push_back(count.messages);
+      status.refusal_examples.push_back(count.example);
+    }
     status.ping_age_p99_s = ages_.quantile(0.99);
     status.ping_age_max_s = ages_.quantile(1.0);
   }
@@ -223,8 +257,8 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
     report.summary(DiagnosticStatus::WARN, "no odometry yet");
   } else if (age_s > kInputStale_s) {
     report.summaryf(DiagnosticStatus::WARN, "no odometry for %.1f s", age_s);
-  } else if (now.pings_dropped + now.pings_rejected > 0) {
-    report.summary(DiagnosticStatus::WARN, "pings were lost or refused");
+  } else if (!now.refusal_reasons.empty()) {
+    report.summary(DiagnosticStatus::WARN, "messages were lost or refused");
   } else {
     report.summary(DiagnosticStatus::OK, "odometry and pings are coming in");
   }
@@ -233,6 +267,10 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("pings waiting", now.pings_waiting);
   report.add("pings dropped", now.pings_dropped);
   report.add("pings rejected", now.pings_rejected);
+  for (std::size_t i = 0; i < now.refusal_reasons.size(); ++i) {
+    report.add(now.refusal_reasons[i],
+               std::to_string(now.refusal_counts[i]) + "; first: " + now.refusal_examples[i]);
+  }
   report.add("ping age, 99th percentile (s)", now.ping_age_p99_s);
   report.add("beams", now.beams);
   report.add("beams rejected", now.beams_rejected);

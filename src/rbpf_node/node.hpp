@@ -12,7 +12,9 @@
 #include <optional>
 #include <string>
 
-#include "rbpf_node/inputs/message_types.hpp"
+#include "rbpf_node/inputs/odometry_input.hpp"
+#include "rbpf_node/inputs/ping_input.hpp"
+#include "rbpf_node/inputs/refusal.hpp"
 #include "rbpf_node/loop_closure_loop.hpp"
 #include "rbpf_node/mount_queue.hpp"
 #include "rbpf_node/ping_ages.hpp"
@@ -31,11 +33,14 @@ class SlamNode {
   SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
            Input input);
 
+  // Throws Refusal if the node cannot use it.
   void handle(const OdometryInput& input);
+  // Counts whatever is wrong with it.
   void handle(PingInput input);
 
-  // A message that told nothing, and what was wrong with it.
-  void refuse(InputKind kind, const std::string& why);
+  // Counts messages that were not taken in, says so, and tells of them from now on.
+  void refuse(InputKind kind, Reason reason, const std::string& what);
+  void refuse(const RefusalCounts& refused);
 
   // The survey is over: what still waits is dropped and counted.
   void finish();
@@ -47,6 +52,10 @@ class SlamNode {
 
  private:
   // These expect mutex_ to be held.
+  void note(InputKind kind, Reason reason, const std::string& what, std::uint64_t messages = 1);
+  void notePingsLost(Reason dropped, const std::string& what_dropped,
+                     const std::string& what_rejected);
+  void expectLaterThanLast(const ros::Time& stamp) const;
   std::optional<Eigen::Isometry3d> mountOf(const std::string& frame) const;
   void takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor);
   void takeInMounted();
@@ -54,7 +63,6 @@ class SlamNode {
   void notePingAges();
 
   bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
-  void countGap(std::uint32_t seq);
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
   void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const;
@@ -75,10 +83,10 @@ class SlamNode {
   mutable std::mutex mutex_;
   MountQueue unmounted_;
   ros::Time last_odometry_;
-  std::uint32_t last_seq_ = 0;
-  // gaps in header.seq, and pings whose sensor's mount never came
-  std::uint64_t pings_missed_ = 0;
-  std::uint64_t pings_malformed_ = 0;
+  bool finished_ = false;
+  RefusalCounts refused_;
+  // what the filter has counted that is in refused_ by now
+  rbpf_core::Counters noted_;
   // whose ages are known
   std::size_t pings_noted_ = 0;
   PingAges ages_;

@@ -39,6 +39,7 @@ double OfflineReplay::run(const OfflineParameters& offline) {
   if (mapping()) awaitNodes(0.0);
   progress_.start();
   const StampOrder order = inStampOrder(bag, offline.topics);
+  slam_.refuse(order.refused);
   for (const auto& mount : mountsIn(bag, params_.frames, order.ping_frames)) {
     slam_.transforms().setTransform(mount, offline.bag, true);
   }
@@ -54,8 +55,8 @@ double OfflineReplay::run(const OfflineParameters& offline) {
     progress_.update(survey_s, [this] { return counts(); });
   }
   slam_.finish();
-  const double wall_s =
-      progress_.end(counts() + ", " + std::to_string(order.unreadable) + " messages unreadable");
+  const double wall_s = progress_.end(counts() + ", " + std::to_string(order.refused.total()) +
+                                      " messages unreadable");
   trainFinally(duration_s);
   return wall_s;
 }

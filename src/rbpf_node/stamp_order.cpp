@@ -27,6 +27,13 @@ void expectTopic(const rosbag::Bag& bag, const std::string& topic, InputKind kin
   }
 }
 
+void refuse(const rosbag::MessageInstance& instance, InputKind kind, Reason reason,
+            const std::string& what, StampOrder* order) {
+  order->refused.add(kind, reason, what);
+  ROS_ERROR_THROTTLE(5.0, "Message on %s, received at %.3f s, refused: %s",
+                     instance.getTopic().c_str(), instance.getTime().toSec(), what.c_str());
+}
+
 void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, StampOrder* order) {
   rosbag::View view(bag, rosbag::TopicQuery(topic));
   for (const rosbag::MessageInstance& instance : view) {
@@ -34,10 +41,10 @@ void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, S
       const std_msgs::Header header = headerOf(rawMessage(instance));
       order->messages.push_back({header.stamp, kind, instance});
       if (kind == InputKind::kPing) order->ping_frames.insert(withoutSlash(header.frame_id));
+    } catch (const Refusal& refusal) {
+      refuse(instance, kind, refusal.reason(), refusal.what(), order);
     } catch (const std::exception& error) {
-      ++order->unreadable;
-      ROS_ERROR_THROTTLE(5.0, "Message on %s, received at %.3f s, refused: %s", topic.c_str(),
-                         instance.getTime().toSec(), error.what());
+      refuse(instance, kind, Reason::kMalformed, error.what(), order);
     }
   }
 }

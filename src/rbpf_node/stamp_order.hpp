@@ -25,7 +25,7 @@ struct StampOrder {
   // of the sensors that pings come from
   std::set<std::string> ping_frames;
   // messages that hold no header, or have no stamp
-  std::size_t unreadable = 0;
+  RefusalCounts refused;
 };
 
 // Opens a bag and checks that it holds both topics. Throws std::runtime_error that names the bag

@@ -65,6 +65,37 @@ TEST(FromOdometry, RefusesAnOrientationThatIsNoRotation) {
   EXPECT_TRUE(contains(refusalOf(message), "expected 1"));
 }
 
+TEST(FromOdometry, RefusesNumbersThatAreNotFinite) {
+  nav_msgs::Odometry message = odometryMessage();
+  message.twist.twist.linear.y = kNaN;
+  EXPECT_EQ(refusalOf(message),
+            "odometry's linear velocity is (1, nan, 3), expected finite numbers");
+  message = odometryMessage();
+  message.pose.pose.position.z = std::numeric_limits<double>::infinity();
+  EXPECT_TRUE(contains(refusalOf(message), "position is (10, -20, inf)"));
+  message = odometryMessage();
+  message.twist.twist.angular.x = kNaN;
+  EXPECT_TRUE(contains(refusalOf(message), "angular velocity is (nan, 0.2, 0.3)"));
+}
+
+TEST(FromOdometry, NamesTheReason) {
+  const auto reason = [](const nav_msgs::Odometry& message) {
+    return reasonOf([&] { read(message); });
+  };
+  EXPECT_EQ(reason(odometryMessage()), std::nullopt);
+  nav_msgs::Odometry message = odometryMessage();
+  message.header.frame_id = "world_ned";
+  EXPECT_EQ(reason(message), Reason::kWrongFrame);
+  message = odometryMessage();
+  message.pose.pose.orientation.w = kNaN;
+  EXPECT_EQ(reason(message), Reason::kNotFinite);
+  message.pose.pose.orientation.w = 2.0;
+  EXPECT_EQ(reason(message), Reason::kMalformed);
+  message = odometryMessage();
+  message.pose.pose.position.x = kNaN;
+  EXPECT_EQ(reason(message), Reason::kNotFinite);
+}
+
 TEST(FromOdometry, AcceptsARoundedOrientation) {
   nav_msgs::Odometry message = odometryMessage();
   message.pose.pose.orientation.x *= 1.001;

@@ -77,6 +77,18 @@ TEST(ReadInput, RefusesBytesThatEndEarly) {
   }
 }
 
+TEST(ReadInput, NamesTheReason) {
+  const auto reason = [](const RawMessage& raw) {
+    return reasonOf([&] { readInput(InputKind::kOdometry, raw); });
+  };
+  EXPECT_EQ(reason(rawOf(odometryMessage())), std::nullopt);
+  EXPECT_EQ(reason(rawOf(std_msgs::String())), Reason::kWrongType);
+  EXPECT_EQ(reason(rawOf(nav_msgs::Odometry())), Reason::kNoStamp);
+  RawMessage cut = rawOf(odometryMessage());
+  cut.bytes.pop_back();
+  EXPECT_EQ(reason(cut), Reason::kMalformed);
+}
+
 TEST(ExpectedInsteadOf, IsNothingForWhatIsUnderstood) {
   const RawMessage raw = rawOf(odometryMessage());
   EXPECT_EQ(expectedInsteadOf(InputKind::kOdometry, raw.datatype, raw.md5sum), "");

@@ -62,7 +62,7 @@ TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
   write<sensor_msgs::PointCloud2>("/pings", 6.0, 2.0);
   const StampOrder order = readBack();
   ASSERT_EQ(order.messages.size(), 4U);
-  EXPECT_EQ(order.unreadable, 0U);
+  EXPECT_EQ(order.refused.total(), 0U);
   const double stamps_s[] = {1.0, 2.0, 3.0, 3.0};
   const InputKind kinds[] = {InputKind::kOdometry, InputKind::kPing, InputKind::kOdometry,
                              InputKind::kPing};
@@ -90,7 +90,8 @@ TEST_F(StampOrderTest, LeavesOutMessagesWithoutAStamp) {
   write<sensor_msgs::PointCloud2>("/pings", 1.0, 1.0);
   const StampOrder order = readBack();
   EXPECT_EQ(order.messages.size(), 2U);
-  EXPECT_EQ(order.unreadable, 1U);
+  EXPECT_EQ(order.refused.total(), 1U);
+  EXPECT_EQ(order.refused.counts().count({InputKind::kOdometry, Reason::kNoStamp}), 1U);
 }
 
 TEST_F(StampOrderTest, WantsBothTopics) {

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <stdexcept>
 #include <string>
+
+#include "rbpf_node/inputs/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -21,7 +22,9 @@ const char* nameOf(std::uint8_t datatype) {
   return datatype < kNames.size() ? kNames[datatype] : "unknown";
 }
 
-[[noreturn]] void fail(const std::string& what) { throw std::invalid_argument("ping" + what); }
+[[noreturn]] void fail(const std::string& what) {
+  throw Refusal(Reason::kMalformed, "ping" + what);
+}
 
 // Where one coordinate stands in each point.
 struct Column {

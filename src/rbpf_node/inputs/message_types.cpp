@@ -1,7 +1,6 @@
 #include "rbpf_node/inputs/message_types.hpp"
 
 #include <functional>
-#include <stdexcept>
 #include <vector>
 
 #include "rbpf_node/inputs/from_laser_scan.hpp"
@@ -65,8 +64,9 @@ std::string expectedInsteadOf(InputKind kind, const std::string& datatype,
 AnyInput readInput(InputKind kind, const RawMessage& raw) {
   const MessageType* type = find(kind, raw.datatype, raw.md5sum);
   if (type == nullptr) {
-    throw std::invalid_argument("message is a " + raw.datatype + " with the md5sum " + raw.md5sum +
-                                ", expected " + expectedInsteadOf(kind, raw.datatype, raw.md5sum));
+    throw Refusal(Reason::kWrongType, "message is a " + raw.datatype + " with the md5sum " +
+                                          raw.md5sum + ", expected " +
+                                          expectedInsteadOf(kind, raw.datatype, raw.md5sum));
   }
   headerOf(raw);  // checks the stamp
   return type->read(raw);

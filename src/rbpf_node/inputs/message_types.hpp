@@ -4,21 +4,18 @@
 #include <string>
 #include <variant>
 
+#include "rbpf_node/inputs/input_kind.hpp"
 #include "rbpf_node/inputs/odometry_input.hpp"
 #include "rbpf_node/inputs/ping_input.hpp"
 #include "rbpf_node/inputs/raw_message.hpp"
 
 namespace rbpf_node {
 
-// What a topic carries. In the order in which inputs of the same stamp are handed on: a ping then
-// need not wait for the next odometry.
-enum class InputKind { kOdometry, kPing };
-
 // alternatives in the order of InputKind
 using AnyInput = std::variant<OdometryInput, PingInput>;
 
-// What a message says. Throws std::invalid_argument that names what is wrong with it, the value
-// and what was expected; a type of which topics of this kind cannot be is wrong too.
+// What a message says. Throws Refusal if something is wrong with it; a type of which topics of this
+// kind cannot be is wrong too.
 AnyInput readInput(InputKind kind, const RawMessage& raw);
 
 // Empty if topics of this kind may carry messages of the type, otherwise what they may carry:

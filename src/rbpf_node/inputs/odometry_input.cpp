@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
+#include <sstream>
+
+#include "rbpf_node/inputs/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -13,8 +15,23 @@ constexpr double kNormTolerance = 0.01;
 
 void expectFrame(const std::string& what, const std::string& frame, const std::string& expected) {
   if (frame != expected) {
-    throw std::invalid_argument(what + " is '" + frame + "', expected '" + expected + "'");
+    throw Refusal(Reason::kWrongFrame, what + " is '" + frame + "', expected '" + expected + "'");
   }
+}
+
+void expectFinite(const std::string& what, const Eigen::Vector3d& values) {
+  if (values.allFinite()) return;
+  std::ostringstream text;
+  text << "odometry's " << what << " is (" << values.x() << ", " << values.y() << ", " << values.z()
+       << "), expected finite numbers";
+  throw Refusal(Reason::kNotFinite, text.str());
+}
+
+void expectRotation(const Eigen::Quaterniond& orientation) {
+  const double norm = orientation.norm();
+  if (std::abs(norm - 1.0) < kNormTolerance) return;
+  throw Refusal(std::isfinite(norm) ? Reason::kMalformed : Reason::kNotFinite,
+                "odometry's orientation has the norm " + std::to_string(norm) + ", expected 1");
 }
 
 }  // namespace
@@ -28,11 +45,10 @@ Eigen::Vector3d rollPitchYaw(const Eigen::Quaterniond& rotation) {
 rbpf_core::Odometry toOdometry(const OdometryInput& input, const Frames& frames) {
   expectFrame("odometry's header.frame_id", input.frame, frames.odom);
   expectFrame("odometry's child_frame_id", input.child_frame, frames.base);
-  const double norm = input.orientation.norm();
-  if (!(std::abs(norm - 1.0) < kNormTolerance)) {  // false for NaN as well
-    throw std::invalid_argument("odometry's orientation has the norm " + std::to_string(norm) +
-                                ", expected 1");
-  }
+  expectFinite("position", input.position_m);
+  expectFinite("linear velocity", input.linear_mps);
+  expectFinite("angular velocity", input.angular_radps);
+  expectRotation(input.orientation);
   const Eigen::Vector3d rpy = rollPitchYaw(input.orientation.normalized());
   const Eigen::Vector3d& p = input.position_m;
   return {input.stamp.toSec(),

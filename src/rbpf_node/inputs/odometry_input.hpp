@@ -24,7 +24,7 @@ struct OdometryInput {
   Eigen::Vector3d angular_radps = Eigen::Vector3d::Zero();
 };
 
-// Throws std::invalid_argument if the frames are others, or the orientation is no rotation.
+// Throws Refusal if the frames are others, a value is not finite or the orientation is no rotation.
 rbpf_core::Odometry toOdometry(const OdometryInput& input, const Frames& frames);
 
 // Roll, pitch, yaw of a rotation, R = Rz(yaw) Ry(pitch) Rx(roll), rad.

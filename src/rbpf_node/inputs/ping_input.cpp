@@ -1,19 +1,17 @@
 #include "rbpf_node/inputs/ping_input.hpp"
 
-#include <stdexcept>
-
 #include "rbpf_node/frames.hpp"
+#include "rbpf_node/inputs/refusal.hpp"
 
 namespace rbpf_node {
 
 PingInput pingOf(const std_msgs::Header& header) {
   PingInput input;
   input.stamp = header.stamp;
-  input.seq = header.seq;
   input.frame = withoutSlash(header.frame_id);
   if (input.frame.empty()) {
-    throw std::invalid_argument("ping's header.frame_id is '" + header.frame_id +
-                                "', expected the sensor's frame");
+    throw Refusal(Reason::kWrongFrame, "ping's header.frame_id is '" + header.frame_id +
+                                           "', expected the sensor's frame");
   }
   return input;
 }

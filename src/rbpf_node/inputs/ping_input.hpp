@@ -5,7 +5,6 @@
 #include <std_msgs/Header.h>
 
 #include <Eigen/Geometry>
-#include <cstdint>
 #include <string>
 
 #include "rbpf_core/types.hpp"
@@ -14,15 +13,13 @@ namespace rbpf_node {
 
 struct PingInput {
   ros::Time stamp;
-  // the sender's count of its messages: a gap is pings that never came
-  std::uint32_t seq = 0;
   // of the sensor, without a slash before it
   std::string frame;
   // [3, n] in `frame`; may hold NaN
   rbpf_core::Beams beams_m;
 };
 
-// A ping without beams yet. Throws std::invalid_argument if the header names no frame.
+// A ping without beams yet. Throws Refusal if the header names no frame.
 PingInput pingOf(const std_msgs::Header& header);
 
 // T_base_sensor takes the ping's frame into base_link.

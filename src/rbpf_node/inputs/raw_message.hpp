@@ -6,9 +6,10 @@
 #include <std_msgs/Header.h>
 
 #include <cstdint>
-#include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "rbpf_node/inputs/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -30,7 +31,7 @@ RawMessage rawMessage(const Source& source) {
   return raw;
 }
 
-// Throws std::invalid_argument if the bytes end before the message does.
+// Throws Refusal if the bytes end before the message does.
 template <typename Message>
 Message deserialised(const RawMessage& raw) {
   // roscpp reads through pointers that are not const
@@ -40,17 +41,20 @@ Message deserialised(const RawMessage& raw) {
   try {
     ros::serialization::deserialize(stream, message);
   } catch (const ros::serialization::StreamOverrunException&) {
-    throw std::invalid_argument(std::to_string(raw.bytes.size()) + " bytes, expected a whole " +
-                                ros::message_traits::datatype<Message>());
+    throw Refusal(Reason::kMalformed, std::to_string(raw.bytes.size()) +
+                                          " bytes, expected a whole " +
+                                          ros::message_traits::datatype<Message>());
   }
   return message;
 }
 
-// The header that all messages of the table begin with. Throws std::invalid_argument if its stamp
-// is zero: such a message has no place in time.
+// The header that all messages of the table begin with. Throws Refusal if its stamp is zero: such a
+// message has no place in time.
 inline std_msgs::Header headerOf(const RawMessage& raw) {
   const auto header = deserialised<std_msgs::Header>(raw);
-  if (header.stamp.isZero()) throw std::invalid_argument("header.stamp is 0, expected a time");
+  if (header.stamp.isZero()) {
+    throw Refusal(Reason::kNoStamp, "header.stamp is 0, expected a time");
+  }
   return header;
 }
 
