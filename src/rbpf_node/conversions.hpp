@@ -1,32 +1,20 @@
-// Between ROS messages and the filter's types. Each conversion from a message checks it and throws
-// std::invalid_argument that names what was wrong, the value and what was expected.
+// From the filter's types to what is published and sent.
 #pragma once
 
 #include <geometry_msgs/Pose.h>
-#include <nav_msgs/Odometry.h>
-#include <sensor_msgs/PointCloud2.h>
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <cstring>
 #include <string>
 #include <vector>
 
-#include "rbpf_core/particle_filter.hpp"
-#include "rbpf_node/parameters.hpp"
+#include "rbpf_core/types.hpp"
 
 namespace rbpf_node {
 
-rbpf_core::Odometry toOdometry(const nav_msgs::Odometry& message, const Frames& frames);
-
-// T_base_sensor takes the cloud's frame into base_link.
-rbpf_core::Ping toPing(const sensor_msgs::PointCloud2& message,
-                       const Eigen::Isometry3d& T_base_sensor);
-
 geometry_msgs::Pose toPose(const rbpf_core::Pose2& pose, const rbpf_core::Attitude& attitude);
 Eigen::Isometry3d toIsometry(const rbpf_core::Pose2& pose, const rbpf_core::Attitude& attitude);
-
-// Roll, pitch, yaw of a rotation, R = Rz(yaw) Ry(pitch) Rx(roll), rad.
-Eigen::Vector3d rollPitchYaw(const Eigen::Quaterniond& rotation);
 
 // A ping's beams at a pose: [3, n] in map.
 rbpf_core::Beams placeBeams(const rbpf_core::Beams& levelled_m, const rbpf_core::Pose2& pose);

@@ -1,17 +1,28 @@
 // rbpf_core: the live node.
 #include <ros/ros.h>
 #include <tf2_ros/transform_listener.h>
+#include <topic_tools/shape_shifter.h>
 
 #include <cstdio>
 #include <cstdlib>
 #include <thread>
 
-#include "rbpf_node/node.hpp"
+#include "rbpf_node/door.hpp"
 #include "rbpf_node/spinning.hpp"
 
 namespace {
 
-constexpr std::uint32_t kInputQueue = 10000;  // messages; a busy moment must lose nothing
+// Messages; a busy moment must lose nothing.
+constexpr std::uint32_t kInputQueue = 10000;
+
+// Messages of any type: the door knows which are understood.
+ros::Subscriber subscribe(ros::NodeHandle node, const std::string& topic, rbpf_node::InputKind kind,
+                          rbpf_node::Door* door) {
+  return node.subscribe<topic_tools::ShapeShifter>(
+      topic, kInputQueue, [kind, door](const topic_tools::ShapeShifter::ConstPtr& message) {
+        door->takeIn(kind, rbpf_node::rawMessage(*message));
+      });
+}
 
 }  // namespace
 
@@ -24,11 +35,10 @@ int main(int argc, char** argv) {
     rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
                              rbpf_node::Input::kLive);
     const tf2_ros::TransformListener listener(slam.transforms());
-    ros::NodeHandle input = spinning.inputNode();
-    const auto odometry =
-        input.subscribe("odom", kInputQueue, &rbpf_node::SlamNode::handleOdometry, &slam);
-    const auto pings =
-        input.subscribe("mbes/pings", kInputQueue, &rbpf_node::SlamNode::handlePing, &slam);
+    rbpf_node::Door door(&slam);
+    ros::NodeHandle& input = spinning.inputNode();
+    const auto odometry = subscribe(input, "odom", rbpf_node::InputKind::kOdometry, &door);
+    const auto pings = subscribe(input, "mbes/pings", rbpf_node::InputKind::kPing, &door);
     slam.maps().listen();
     // a map node asks for minibatches and for blocks of beams; one more for who exports the survey
     spinning.start(2 * params.nodes + 1);

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
-#include <stdexcept>
 
 #include "rbpf_node/node.hpp"
 #include "rbpf_node/offline_replay.hpp"
@@ -16,11 +15,7 @@ int main(int argc, char** argv) {
   try {
     rbpf_node::Spinning spinning;
     ros::NodeHandle& own = spinning.privateNode();
-    if (!own.param("take_turns", false)) {
-      throw std::runtime_error(own.resolveName("take_turns") +
-                               " is not set; expected true before the map nodes start, as in "
-                               "offline.launch: they would not wait for the replay");
-    }
+    const auto offline = rbpf_node::loadOfflineParameters(own);
     const auto params = rbpf_node::loadParameters(spinning.node());
     rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
                              rbpf_node::Input::kBag);
@@ -33,9 +28,7 @@ int main(int argc, char** argv) {
       spinning.stop();
     };
     const std::unique_ptr<void, decltype(stop)> stop_at_end(&spinning, stop);
-    const double wall_s = replay.run(own.param<std::string>("bag", ""),
-                                     {own.param<std::string>("odom_topic", "/odom"),
-                                      own.param<std::string>("ping_topic", "/mbes/pings")});
+    const double wall_s = replay.run(offline);
     own.setParam("replay_wall_s", wall_s);
     own.setParam("replay_finished", true);  // the recorder waits for this
     ros::waitForShutdown();

@@ -3,8 +3,9 @@
 #include <sys/resource.h>
 #include <tf2_eigen/tf2_eigen.h>
 
+#include <utility>
+
 #include "rbpf_core/resampling.hpp"
-#include "rbpf_node/conversions.hpp"
 
 namespace rbpf_node {
 
@@ -36,7 +37,8 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
       loop_closing_(filter_, maps_, loopClosingParams(params)),
       services_(private_node, filter_, loop_closing_),
       publishers_(private_node, filter_, params),
-      diagnostics_(node, private_node, ros::this_node::getName()) {
+      diagnostics_(node, private_node, ros::this_node::getName()),
+      unmounted_(params.filter.ping_queue) {
   finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
@@ -49,77 +51,119 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
 
 // ---- input ---------------------------------------------------------------------------------
 
-void SlamNode::handleOdometry(const nav_msgs::Odometry::ConstPtr& message) {
-  try {
-    filter_.addOdometry(toOdometry(*message, params_.frames));
-  } catch (const std::exception& error) {
-    ROS_ERROR_THROTTLE(kWarningPeriod_s, "Odometry refused: %s", error.what());
-    return;
-  }
+void SlamNode::handle(const OdometryInput& input) {
+  const rbpf_core::Odometry odometry = toOdometry(input, params_.frames);
   {
     const std::lock_guard lock(mutex_);
-    const ros::Time& stamp = message->header.stamp;
-    if (!last_odometry_.isZero() && (stamp - last_odometry_).toSec() > params_.odometry_gap_s) {
+    expectLaterThanLast(input.stamp);
+    filter_.addOdometry(odometry);
+    notePingsLost(Reason::kNoOdometry, "a ping is older than all odometry",
+                  "no beam of a ping is finite and within range");
+    if (!last_odometry_.isZero() &&
+        (input.stamp - last_odometry_).toSec() > params_.odometry_gap_s) {
       ROS_WARN("Odometry has a gap of %.2f s before %.3f s; bridged with the mean twist.",
-               (stamp - last_odometry_).toSec(), stamp.toSec());
+               (input.stamp - last_odometry_).toSec(), input.stamp.toSec());
     }
-    last_odometry_ = stamp;
+    last_odometry_ = input.stamp;
     notePingAges();
   }
-  publishers_.publishPose(message->header.stamp);
+  publishers_.publishPose(input.stamp);
 }
 
-void SlamNode::handlePing(const sensor_msgs::PointCloud2::ConstPtr& message) {
+void SlamNode::expectLaterThanLast(const ros::Time& stamp) const {
+  // as the filter sees them: in seconds of limited resolution
+  const double stamp_s = stamp.toSec();
+  const double last_s = last_odometry_.toSec();
+  if (last_odometry_.isZero() || stamp_s > last_s) return;
+  throw Refusal(stamp_s == last_s ? Reason::kDuplicateStamp : Reason::kOutOfOrder,
+                "odometry's stamp is " + std::to_string(stamp_s) + " s, expected later than " +
+                    std::to_string(last_s) + " s, the last one's");
+}
+
+void SlamNode::handle(PingInput input) {
+  const ros::Time stamp = input.stamp;
   {
     const std::lock_guard lock(mutex_);
-    if (input_ == Input::kLive) countGap(message->header.seq);
-    pings_without_mount_.push_back(message);
-    if (pings_without_mount_.size() > params_.filter.ping_queue) {
-      ++pings_missed_;
-      ROS_ERROR_THROTTLE(kWarningPeriod_s,
-                         "Ping of stamp %.3f s dropped: no transform from '%s' to '%s' has come.",
-                         pings_without_mount_.front()->header.stamp.toSec(),
-                         pings_without_mount_.front()->header.frame_id.c_str(),
-                         params_.frames.base.c_str());
-      pings_without_mount_.pop_front();
+    takeInMounted();  // older ones first
+    if (const auto T_base_sensor = mountOf(input.frame)) {
+      takeIn(input, *T_base_sensor);
+    } else if (const auto oldest = unmounted_.push(std::move(input))) {
+      dropUnmounted(*oldest);
     }
+    notePingAges();
   }
-  handOnPings();
-  publishers_.publishPing(message->header.stamp);
+  publishers_.publishPing(stamp);
 }
 
-void SlamNode::countGap(std::uint32_t seq) {
-  if (last_seq_ != 0 && seq > last_seq_ + 1) pings_missed_ += seq - last_seq_ - 1;
-  last_seq_ = seq;
-}
-
-void SlamNode::handOnPings() {
+void SlamNode::refuse(InputKind kind, Reason reason, const std::string& what) {
   const std::lock_guard lock(mutex_);
-  while (!pings_without_mount_.empty()) {
-    const sensor_msgs::PointCloud2& message = *pings_without_mount_.front();
-    const std::string& frame = message.header.frame_id;
-    std::string why;
-    if (frame.empty() ||
-        !transforms_.canTransform(params_.frames.base, frame, ros::Time(0), &why)) {
-      ROS_WARN_THROTTLE(kWarningPeriod_s, "%zu pings wait for the mount of '%s' on '%s': %s",
-                        pings_without_mount_.size(), frame.c_str(), params_.frames.base.c_str(),
-                        why.c_str());
-      return;
-    }
-    try {
-      const Eigen::Isometry3d T_base_sensor = tf2::transformToEigen(
-          transforms_.lookupTransform(params_.frames.base, frame, ros::Time(0)));
-      filter_.addPing(toPing(message, T_base_sensor));
-    } catch (const rbpf_core::InputRefused& refused) {  // the filter has counted it
-      ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", refused.what());
-    } catch (const std::exception& error) {
-      ++pings_malformed_;
-      ROS_ERROR_THROTTLE(kWarningPeriod_s, "Ping of stamp %.3f s refused: %s",
-                         message.header.stamp.toSec(), error.what());
-    }
-    pings_without_mount_.pop_front();
+  note(kind, reason, what);
+}
+
+void SlamNode::refuse(const RefusalCounts& refused) {
+  const std::lock_guard lock(mutex_);
+  refused_.add(refused);
+}
+
+void SlamNode::note(InputKind kind, Reason reason, const std::string& what,
+                    std::uint64_t messages) {
+  if (messages == 0) return;
+  const std::string name = nameOf(kind, reason);
+  if (refused_.add(kind, reason, what, messages)) {
+    ROS_WARN("First %s: %s", name.c_str(), what.c_str());
+  } else {
+    ROS_WARN_THROTTLE(kWarningPeriod_s, "%s: %s", name.c_str(), what.c_str());
   }
-  notePingAges();
+}
+
+// The filter counts pings that it does not take in, those that waited in it as well, but not why.
+void SlamNode::notePingsLost(Reason dropped, const std::string& what_dropped,
+                             const std::string& what_rejected) {
+  const rbpf_core::Counters now = filter_.snapshot().counters();
+  note(InputKind::kPing, dropped, what_dropped, now.pings_dropped - noted_.pings_dropped);
+  note(InputKind::kPing, Reason::kNoBeams, what_rejected,
+       now.pings_rejected - noted_.pings_rejected);
+  noted_ = now;
+}
+
+std::optional<Eigen::Isometry3d> SlamNode::mountOf(const std::string& frame) const {
+  const std::string& base = params_.frames.base;
+  // tf2 knows no frame of which nobody has told it
+  if (frame == base) return Eigen::Isometry3d::Identity();
+  try {
+    return tf2::transformToEigen(transforms_.lookupTransform(base, frame, ros::Time(0)));
+  } catch (const tf2::TransformException& error) {
+    ROS_WARN_THROTTLE(kWarningPeriod_s, "Pings wait for the mount of '%s' on '%s': %s",
+                      frame.c_str(), base.c_str(), error.what());
+    return std::nullopt;
+  }
+}
+
+void SlamNode::takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor) {
+  std::string problem;
+  try {
+    filter_.addPing(toPing(ping, T_base_sensor));
+  } catch (const rbpf_core::InputRefused& refused) {  // the filter has counted it
+    problem = refused.what();
+  }
+  const bool has_odometry = ping.stamp.toSec() <= last_odometry_.toSec();
+  // one that may wait is lost only if too many do, or if there is nothing to wait for
+  const Reason waiting = finished_ ? Reason::kSurveyOver : Reason::kQueueFull;
+  notePingsLost(has_odometry ? Reason::kNoOdometry : waiting, problem, problem);
+}
+
+void SlamNode::takeInMounted() {
+  for (const std::string& frame : unmounted_.frames()) {
+    const auto T_base_sensor = mountOf(frame);
+    if (!T_base_sensor) continue;
+    for (const PingInput& ping : unmounted_.take(frame)) takeIn(ping, *T_base_sensor);
+  }
+}
+
+void SlamNode::dropUnmounted(const PingInput& ping) {
+  note(InputKind::kPing, Reason::kNoMount,
+       "ping of stamp " + std::to_string(ping.stamp.toSec()) + " s dropped: no transform from '" +
+           ping.frame + "' to '" + params_.frames.base + "' has come");
 }
 
 void SlamNode::notePingAges() {
@@ -128,6 +172,17 @@ void SlamNode::notePingAges() {
   for (; pings_noted_ < filter.pings(); ++pings_noted_) {
     ages_.add(ros::Time::now().toSec() - filter.record(pings_noted_).stamp_s);
   }
+}
+
+void SlamNode::finish() {
+  const std::lock_guard lock(mutex_);
+  takeInMounted();
+  for (const std::string& frame : unmounted_.frames()) {
+    for (const PingInput& ping : unmounted_.take(frame)) dropUnmounted(ping);
+  }
+  filter_.finish();
+  finished_ = true;
+  notePingsLost(Reason::kNoOdometry, "the survey ended before odometry for a ping came", "");
 }
 
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -169,9 +224,14 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   {
     const std::lock_guard lock(mutex_);
     status.header.stamp = last_odometry_;
-    status.pings_waiting = pings_without_mount_.size() + filter.pingsWaiting();
-    status.pings_dropped = pings_missed_ + counters.pings_dropped;
-    status.pings_rejected = pings_malformed_ + counters.pings_rejected;
+    status.pings_waiting = unmounted_.size() + filter.pingsWaiting();
+    status.pings_dropped = refused_.dropped(InputKind::kPing);
+    status.pings_rejected = refused_.rejected(InputKind::kPing);
+    for (const auto& [what, count] : refused_.counts()) {
+      status.refusal_reasons.push_back(nameOf(what.first, what.second));
+      status.refusal_counts.push_back(count.messages);
+      status.refusal_examples.push_back(count.example);
+    }
     status.ping_age_p99_s = ages_.quantile(0.99);
     status.ping_age_max_s = ages_.quantile(1.0);
   }
@@ -204,7 +264,11 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
 }
 
 void SlamNode::publishOverview() {
-  handOnPings();  // in case the mount has come since the last ping
+  {
+    const std::lock_guard lock(mutex_);
+    takeInMounted();  // in case a mount has come since the last ping
+    notePingAges();
+  }
   const rbpf_svgp_slam::FilterStatus now = status();
   publishers_.publishStatus(now);
   if (now.odometry_messages > 0) publishers_.publishOverview(now.header.stamp);
@@ -221,8 +285,8 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
     report.summary(DiagnosticStatus::WARN, "no odometry yet");
   } else if (age_s > kInputStale_s) {
     report.summaryf(DiagnosticStatus::WARN, "no odometry for %.1f s", age_s);
-  } else if (now.pings_dropped + now.pings_rejected > 0) {
-    report.summary(DiagnosticStatus::WARN, "pings were lost or refused");
+  } else if (!now.refusal_reasons.empty()) {
+    report.summary(DiagnosticStatus::WARN, "messages were lost or refused");
   } else {
     report.summary(DiagnosticStatus::OK, "odometry and pings are coming in");
   }
@@ -231,6 +295,10 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("pings waiting", now.pings_waiting);
   report.add("pings dropped", now.pings_dropped);
   report.add("pings rejected", now.pings_rejected);
+  for (std::size_t i = 0; i < now.refusal_reasons.size(); ++i) {
+    report.add(now.refusal_reasons[i],
+               std::to_string(now.refusal_counts[i]) + "; first: " + now.refusal_examples[i]);
+  }
   report.add("ping age, 99th percentile (s)", now.ping_age_p99_s);
   report.add("beams", now.beams);
   report.add("beams rejected", now.beams_rejected);

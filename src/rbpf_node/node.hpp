@@ -1,20 +1,23 @@
-// The SLAM node: messages in, filter, loop closing, messages out. The live node and the offline
-// replay hand their messages to the same handlers.
+// The SLAM node: inputs, filter, loop closing, messages out. What comes in has passed the same
+// door, live and in an offline replay.
 #pragma once
 
 #include <diagnostic_updater/diagnostic_updater.h>
-#include <nav_msgs/Odometry.h>
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
-#include <sensor_msgs/PointCloud2.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 
-#include <deque>
 #include <mutex>
+#include <optional>
+#include <string>
 
 #include "rbpf_core/loop_closing.hpp"
+#include "rbpf_node/inputs/odometry_input.hpp"
+#include "rbpf_node/inputs/ping_input.hpp"
+#include "rbpf_node/inputs/refusal.hpp"
 #include "rbpf_node/map_nodes.hpp"
+#include "rbpf_node/mount_queue.hpp"
 #include "rbpf_node/ping_ages.hpp"
 #include "rbpf_node/publishers.hpp"
 #include "rbpf_node/services.hpp"
@@ -31,14 +34,21 @@ class SlamNode {
   SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
            Input input);
 
-  void handleOdometry(const nav_msgs::Odometry::ConstPtr& message);
-  void handlePing(const sensor_msgs::PointCloud2::ConstPtr& message);
+  // Throws Refusal if the node cannot use it.
+  void handle(const OdometryInput& input);
+  // Counts whatever is wrong with it.
+  void handle(PingInput input);
 
   // A step of Algorithm 2, if one is due; waits for the map nodes, and logs what goes wrong. To be
   // called from one thread, as often as you like.
   void closeLoops();
 
-  void finish() { filter_.finish(); }  // the survey is over
+  // Counts messages that were not taken in, says so, and tells of them from now on.
+  void refuse(InputKind kind, Reason reason, const std::string& what);
+  void refuse(const RefusalCounts& refused);
+
+  // The survey is over: what still waits is dropped and counted.
+  void finish();
 
   tf2_ros::Buffer& transforms() { return transforms_; }
   MapNodes& maps() { return maps_; }
@@ -46,10 +56,18 @@ class SlamNode {
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
-  void handOnPings();
-  bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
-  void countGap(std::uint32_t seq);
+  // These expect mutex_ to be held.
+  void note(InputKind kind, Reason reason, const std::string& what, std::uint64_t messages = 1);
+  void notePingsLost(Reason dropped, const std::string& what_dropped,
+                     const std::string& what_rejected);
+  void expectLaterThanLast(const ros::Time& stamp) const;
+  std::optional<Eigen::Isometry3d> mountOf(const std::string& frame) const;
+  void takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor);
+  void takeInMounted();
+  void dropUnmounted(const PingInput& ping);
   void notePingAges();
+
+  bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
   void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const;
@@ -66,17 +84,21 @@ class SlamNode {
   tf2_ros::Buffer transforms_;
   diagnostic_updater::Updater diagnostics_;
 
-  mutable std::mutex mutex_;  // guards what follows
-  std::deque<sensor_msgs::PointCloud2::ConstPtr> pings_without_mount_;
+  // guards what follows
+  mutable std::mutex mutex_;
+  MountQueue unmounted_;
   ros::Time last_odometry_;
-  std::uint32_t last_seq_ = 0;
-  std::uint64_t pings_missed_ = 0;  // gaps in header.seq, and pings whose sensor's mount never came
-  std::uint64_t pings_malformed_ = 0;
-  std::size_t pings_noted_ = 0;  // whose ages are known
+  bool finished_ = false;
+  RefusalCounts refused_;
+  // what the filter has counted that is in refused_ by now
+  rbpf_core::Counters noted_;
+  // whose ages are known
+  std::size_t pings_noted_ = 0;
   PingAges ages_;
 
   ros::ServiceServer finish_server_;
-  ros::WallTimer overview_timer_;  // last: what it calls needs all of the above
+  // last: what it calls needs all of the above
+  ros::WallTimer overview_timer_;
 };
 
 }  // namespace rbpf_node

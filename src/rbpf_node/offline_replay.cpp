@@ -2,13 +2,13 @@
 
 #include <ros/console.h>
 #include <ros/init.h>
-#include <rosbag/view.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
+
+#include "rbpf_node/bag_mounts.hpp"
 
 namespace rbpf_node {
 
@@ -29,51 +29,36 @@ std::string namesOf(const std::vector<std::uint32_t>& nodes) {
 OfflineReplay::OfflineReplay(ros::NodeHandle private_node, const Parameters& params, SlamNode* slam)
     : params_(params),
       slam_(*slam),
+      door_(slam),
       turns_(params.nodes, [] { return ros::isShuttingDown(); }),
       server_(private_node.advertiseService("take_turn", &OfflineReplay::take, this)) {}
 
-double OfflineReplay::run(const std::string& bag_path, const OfflineTopics& topics) {
+double OfflineReplay::run(const OfflineParameters& offline) {
   rosbag::Bag bag;
-  openBag(bag_path, topics, &bag);
-  takeStaticTransforms(bag);
+  openBag(offline.bag, offline.topics, &bag);
   if (mapping()) awaitNodes(0.0);
   progress_.start();
-  const StampOrder order = inStampOrder(bag, topics);
+  const StampOrder order = inStampOrder(bag, offline.topics);
+  slam_.refuse(order.refused);
+  for (const auto& mount : mountsIn(bag, params_.frames, order.ping_frames)) {
+    slam_.transforms().setTransform(mount, offline.bag, true);
+  }
   const ros::Time begin = order.messages.front().stamp;
   const double duration_s = (order.messages.back().stamp - begin).toSec();
   progress_.setDuration(duration_s);
   for (const StampedMessage& message : order.messages) {
     if (ros::isShuttingDown()) throw std::runtime_error("interrupted");
     const double survey_s = (message.stamp - begin).toSec();
-    handOn(message);
+    door_.takeIn(message.kind, rawMessage(message.instance));
     trainUpTo(survey_s);
     slam_.closeLoops();
     progress_.update(survey_s, [this] { return counts(); });
   }
   slam_.finish();
-  const double wall_s =
-      progress_.end(counts() + ", " + std::to_string(order.unreadable) + " messages unreadable");
+  const double wall_s = progress_.end(counts() + ", " + std::to_string(order.refused.total()) +
+                                      " messages unreadable");
   trainFinally(duration_s);
   return wall_s;
-}
-
-void OfflineReplay::takeStaticTransforms(const rosbag::Bag& bag) {
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag, rosbag::TopicQuery(std::string("/tf_static")))) {
-    const auto message = instance.instantiate<tf2_msgs::TFMessage>();
-    for (const auto& transform : message->transforms) {
-      slam_.transforms().setTransform(transform, instance.getCallerId(), true);
-    }
-  }
-}
-
-void OfflineReplay::handOn(const StampedMessage& message) {
-  switch (message.kind) {
-    case InputKind::kOdometry:
-      return slam_.handleOdometry(message.instance.instantiate<nav_msgs::Odometry>());
-    case InputKind::kPing:
-      return slam_.handlePing(message.instance.instantiate<sensor_msgs::PointCloud2>());
-  }
 }
 
 void OfflineReplay::trainFinally(double duration_s) {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "rbpf_node/node.hpp"
+#include "rbpf_node/door.hpp"
 #include "rbpf_node/progress_line.hpp"
 #include "rbpf_node/stamp_order.hpp"
 #include "rbpf_node/turns.hpp"
@@ -32,12 +32,10 @@ class OfflineReplay {
   // due. At the end it grants the steps of output/final_training_s more. Prints progress. Returns
   // the wall time, s, that the survey took, final training not included. Throws
   // std::runtime_error if the bag cannot be read or lacks a topic, and when interrupted.
-  double run(const std::string& bag_path, const OfflineTopics& topics);
+  double run(const OfflineParameters& offline);
 
  private:
   bool mapping() const { return params_.offline_steps_per_second > 0.0; }
-  void takeStaticTransforms(const rosbag::Bag& bag);
-  void handOn(const StampedMessage& message);
   void trainFinally(double duration_s);
   void trainUpTo(double survey_s);
   void awaitNodes(double survey_s);
@@ -47,9 +45,12 @@ class OfflineReplay {
 
   const Parameters params_;
   SlamNode& slam_;
+  Door door_;
   ProgressLine progress_;
-  double first_beams_s_ = 0.0;  // survey time when maps had nothing to train on for the last time
-  std::uint64_t rounds_ = 0;    // granted
+  // survey time when maps had nothing to train on for the last time
+  double first_beams_s_ = 0.0;
+  // granted
+  std::uint64_t rounds_ = 0;
   Turns turns_;
   ros::ServiceServer server_;
 };

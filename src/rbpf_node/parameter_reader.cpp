@@ -4,6 +4,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "rbpf_node/nearest_name.hpp"
+
 namespace rbpf_node {
 
 namespace {
@@ -141,9 +143,24 @@ void ParameterReader::collectUnknown(const XmlRpcValue& tree, const std::string&
     if (value.getType() == XmlRpcValue::TypeStruct) {
       collectUnknown(value, name + "/", foreign_groups);
     } else if (known_.count(name) == 0) {
-      fail(name, written(value), "no such parameter (config/default.yaml lists them all)");
+      const std::string meant = likelyMeant(name, foreign_groups);
+      fail(name, written(value),
+           "no such parameter" + (meant.empty() ? "" : ": did you mean " + meant + "?") +
+               " (config/default.yaml lists them all)");
     }
   }
+}
+
+std::string ParameterReader::likelyMeant(const std::string& name,
+                                         const std::set<std::string>& foreign_groups) const {
+  std::set<std::string> names = known_;
+  // names in foreign groups are not known here, but a mistyped group is
+  const std::size_t slash = name.find('/');
+  if (slash != std::string::npos) {
+    const std::string group = nearestName(name.substr(0, slash), foreign_groups);
+    if (!group.empty()) names.insert(group + name.substr(slash));
+  }
+  return nearestName(name, names);
 }
 
 }  // namespace rbpf_node

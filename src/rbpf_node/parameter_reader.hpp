@@ -25,7 +25,8 @@ class ParameterReader {
   std::vector<double> numbers(const std::string& name);
   std::vector<std::pair<double, double>> points(const std::string& name);
 
-  // Throws if the tree holds a name that nobody asked for, outside the groups given.
+  // Throws if the tree holds a name that nobody asked for, outside the groups given. The error says
+  // which name may have been meant.
   void refuseUnknown(const std::set<std::string>& foreign_groups) const;
 
   [[noreturn]] static void fail(const std::string& name, const std::string& value,
@@ -35,8 +36,11 @@ class ParameterReader {
   XmlRpc::XmlRpcValue& find(const std::string& name);
   void collectUnknown(const XmlRpc::XmlRpcValue& tree, const std::string& prefix,
                       const std::set<std::string>& foreign_groups) const;
+  std::string likelyMeant(const std::string& name,
+                          const std::set<std::string>& foreign_groups) const;
 
-  mutable XmlRpc::XmlRpcValue tree_;  // XmlRpcValue has no const access
+  // XmlRpcValue has no const access
+  mutable XmlRpc::XmlRpcValue tree_;
   std::set<std::string> known_;
 };
 

@@ -81,31 +81,8 @@ rbpf_core::WeightingParams loopClosure(ParameterReader& reader) {
   return params;
 }
 
-}  // namespace
-
-Parameters loadParameters(const ros::NodeHandle& node) {
-  XmlRpc::XmlRpcValue tree;
-  if (!node.getParam("rbpf_svgp_slam", tree)) {
-    ParameterReader::fail(node.resolveName("rbpf_svgp_slam"), "missing",
-                          "config/default.yaml to be loaded there");
-  }
-  ParameterReader reader(tree);
-  Parameters params;
-  params.nodes = static_cast<std::size_t>(reader.integer("nodes", 1, 1000));
-  params.frames = {reader.text("frames/map"), reader.text("frames/odom"),
-                   reader.text("frames/base")};
-  params.odometry_gap_s = reader.number("odometry/gap_s", 0.0, kUnlimited);
-  params.filter = filter(reader);
-  params.loop_closure = loopClosure(reader);
-  params.loop_closure_rate_hz = reader.number("lc/rate_hz", 0.0, 100.0);
-  params.loop_closure_timeout_s = reader.number("lc/timeout_s", 0.1, kUnlimited);
-  params.resampling_threshold = reader.number("resampling/threshold", 0.0, 1.0);
-  params.resampling_timeout_s = reader.number("resampling/timeout_s", 0.1, kUnlimited);
-  params.offline_steps_per_second = reader.number("offline/steps_per_second", 0.0, kUnlimited);
-  params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
-  params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
-  params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
-  reader.number("output/time_lapse_period_s", 0.0, kUnlimited);  // for the recorder alone
+// What cannot be right together.
+void expectAgreement(const Parameters& params) {
   if (params.nodes > params.filter.particles) {
     ParameterReader::fail(
         "nodes", std::to_string(params.nodes),
@@ -119,8 +96,62 @@ Parameters loadParameters(const ros::NodeHandle& node) {
         "lc/min_n_eff_share", std::to_string(params.loop_closure.min_n_eff_share),
         "a number below resampling/threshold, " + std::to_string(params.resampling_threshold));
   }
-  reader.refuseUnknown({"svgp", "map"});
+}
+
+}  // namespace
+
+Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
+  ParameterReader reader(tree);
+  Parameters params;
+  params.nodes = static_cast<std::size_t>(reader.integer("nodes", 1, 1000));
+  params.frames = {withoutSlash(reader.text("frames/map")),
+                   withoutSlash(reader.text("frames/odom")),
+                   withoutSlash(reader.text("frames/base"))};
+  params.odometry_gap_s = reader.number("odometry/gap_s", 0.0, kUnlimited);
+  params.filter = filter(reader);
+  params.loop_closure = loopClosure(reader);
+  params.loop_closure_rate_hz = reader.number("lc/rate_hz", 0.0, 100.0);
+  params.loop_closure_timeout_s = reader.number("lc/timeout_s", 0.1, kUnlimited);
+  params.resampling_threshold = reader.number("resampling/threshold", 0.0, 1.0);
+  params.resampling_timeout_s = reader.number("resampling/timeout_s", 0.1, kUnlimited);
+  params.offline_steps_per_second = reader.number("offline/steps_per_second", 0.0, kUnlimited);
+  params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
+  params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
+  params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
+  reader.number("output/time_lapse_period_s", 0.0, kUnlimited);  // for the recorder alone
+  expectAgreement(params);
+  // svgp is always there, for config/default.yaml sets it, whichever engine is chosen
+  reader.refuseUnknown({"map", "svgp", reader.text("map/engine")});
   return params;
+}
+
+OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree) {
+  ParameterReader reader(tree);
+  if (!reader.boolean("~take_turns")) {
+    ParameterReader::fail("~take_turns", "false",
+                          "true before the map nodes start, as in offline.launch: they would not "
+                          "wait for the replay");
+  }
+  return {reader.text("~bag"), {reader.text("~odom_topic"), reader.text("~ping_topic")}};
+}
+
+Parameters loadParameters(const ros::NodeHandle& node) {
+  XmlRpc::XmlRpcValue tree;
+  if (!node.getParam("rbpf_svgp_slam", tree)) {
+    ParameterReader::fail(node.resolveName("rbpf_svgp_slam"), "missing",
+                          "config/default.yaml to be loaded there");
+  }
+  return validParameters(tree);
+}
+
+OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node) {
+  XmlRpc::XmlRpcValue tree;
+  tree["~bag"] = std::string();
+  tree["~odom_topic"] = std::string("/odom");
+  tree["~ping_topic"] = std::string("/mbes/pings");
+  tree["~take_turns"] = false;
+  for (auto& [name, value] : tree) private_node.getParam(name.substr(1), value);
+  return validOfflineParameters(tree);
 }
 
 }  // namespace rbpf_node

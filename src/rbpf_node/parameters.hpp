@@ -1,6 +1,8 @@
-// The one place where the C++ side reads parameters. config/default.yaml explains each of them.
+// The one place where the C++ side reads parameters. config/default.yaml explains each of them, and
+// a test holds the defaults here against it.
 #pragma once
 
+#include <XmlRpcValue.h>
 #include <ros/node_handle.h>
 
 #include <Eigen/Core>
@@ -9,15 +11,13 @@
 
 #include "rbpf_core/particle_filter.hpp"
 #include "rbpf_core/weighting.hpp"
+#include "rbpf_node/frames.hpp"
 
 namespace rbpf_node {
 
-struct Frames {
-  std::string map, odom, base;
-};
-
 struct Parameters {
-  std::size_t nodes = 2;  // B
+  // B
+  std::size_t nodes = 2;
   Frames frames;
   double odometry_gap_s = 2.0;
   rbpf_core::FilterParams filter;
@@ -32,9 +32,27 @@ struct Parameters {
   double bathymetry_voxel_m = 1.0;
 };
 
-// Reads and checks the parameter namespace `rbpf_svgp_slam` of the node's own namespace. Throws
-// std::invalid_argument that names the parameter, its value and what was expected; an unknown name
-// is refused too (those below svgp/ and map/ are the map nodes', which check them).
+// Topics of a bag, as they are called in it.
+struct OfflineTopics {
+  std::string odometry;
+  std::string pings;
+};
+
+// What only an offline replay is told: private parameters of its node.
+struct OfflineParameters {
+  std::string bag;
+  OfflineTopics topics;
+};
+
+// Checks a tree of parameters. Throws std::invalid_argument that names the parameter, its value and
+// what was expected; an unknown name is refused too (those below map/ and the group of the engine
+// that map/engine names are the map nodes', which check them).
+Parameters validParameters(const XmlRpc::XmlRpcValue& tree);
+OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree);
+
+// Read the tree from the parameter server, and check it: the namespace `rbpf_svgp_slam` of the
+// node's own namespace; ~bag, ~odom_topic, ~ping_topic and ~take_turns.
 Parameters loadParameters(const ros::NodeHandle& node);
+OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node);
 
 }  // namespace rbpf_node

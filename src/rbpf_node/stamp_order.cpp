@@ -1,10 +1,8 @@
 #include "rbpf_node/stamp_order.hpp"
 
-#include <nav_msgs/Odometry.h>
 #include <ros/console.h>
 #include <rosbag/exceptions.h>
 #include <rosbag/view.h>
-#include <sensor_msgs/PointCloud2.h>
 
 #include <algorithm>
 #include <numeric>
@@ -16,32 +14,37 @@ namespace rbpf_node {
 
 namespace {
 
-template <typename Message>
-void expectTopic(const rosbag::Bag& bag, const std::string& topic) {
+void expectTopic(const rosbag::Bag& bag, const std::string& topic, InputKind kind) {
   rosbag::View view(bag, rosbag::TopicQuery(topic));
   for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
-    if (connection->md5sum == ros::message_traits::md5sum<Message>()) continue;
+    const std::string expected = expectedInsteadOf(kind, connection->datatype, connection->md5sum);
+    if (expected.empty()) continue;
     throw std::runtime_error(bag.getFileName() + " holds " + connection->datatype + " on " + topic +
-                             ", expected " + ros::message_traits::datatype<Message>());
+                             ", expected " + expected);
   }
   if (view.getConnections().empty()) {
     throw std::runtime_error(bag.getFileName() + " holds no message on " + topic);
   }
 }
 
-template <typename Message>
+void refuse(const rosbag::MessageInstance& instance, InputKind kind, Reason reason,
+            const std::string& what, StampOrder* order) {
+  order->refused.add(kind, reason, what);
+  ROS_ERROR_THROTTLE(5.0, "Message on %s, received at %.3f s, refused: %s",
+                     instance.getTopic().c_str(), instance.getTime().toSec(), what.c_str());
+}
+
 void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, StampOrder* order) {
   rosbag::View view(bag, rosbag::TopicQuery(topic));
   for (const rosbag::MessageInstance& instance : view) {
     try {
-      const ros::Time stamp = instance.instantiate<Message>()->header.stamp;
-      // one without a stamp has no place in time: the survey must not begin in 1970
-      if (stamp.isZero()) throw std::runtime_error("it has no stamp");
-      order->messages.push_back({stamp, kind, instance});
+      const std_msgs::Header header = headerOf(rawMessage(instance));
+      order->messages.push_back({header.stamp, kind, instance});
+      if (kind == InputKind::kPing) order->ping_frames.insert(withoutSlash(header.frame_id));
+    } catch (const Refusal& refusal) {
+      refuse(instance, kind, refusal.reason(), refusal.what(), order);
     } catch (const std::exception& error) {
-      ++order->unreadable;
-      ROS_ERROR_THROTTLE(5.0, "Message on %s, received at %.3f s, refused: %s", topic.c_str(),
-                         instance.getTime().toSec(), error.what());
+      refuse(instance, kind, Reason::kMalformed, error.what(), order);
     }
   }
 }
@@ -55,14 +58,14 @@ void openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* 
     throw std::runtime_error(path + " cannot be read: " + error.what() +
                              ". If its recording was cut off, rosbag reindex may mend it");
   }
-  expectTopic<nav_msgs::Odometry>(*bag, topics.odometry);
-  expectTopic<sensor_msgs::PointCloud2>(*bag, topics.pings);
+  expectTopic(*bag, topics.odometry, InputKind::kOdometry);
+  expectTopic(*bag, topics.pings, InputKind::kPing);
 }
 
 StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics) {
   StampOrder order;
-  collect<nav_msgs::Odometry>(bag, topics.odometry, InputKind::kOdometry, &order);
-  collect<sensor_msgs::PointCloud2>(bag, topics.pings, InputKind::kPing, &order);
+  collect(bag, topics.odometry, InputKind::kOdometry, &order);
+  collect(bag, topics.pings, InputKind::kPing, &order);
   if (order.messages.empty()) {
     throw std::runtime_error(bag.getFileName() + " holds no message that can be read");
   }

@@ -4,27 +4,28 @@
 #include <rosbag/bag.h>
 #include <rosbag/message_instance.h>
 
+#include <set>
 #include <string>
 #include <vector>
 
+#include "rbpf_node/inputs/message_types.hpp"
+#include "rbpf_node/parameters.hpp"
+
 namespace rbpf_node {
 
-struct OfflineTopics {
-  std::string odometry;
-  std::string pings;
-};
-
-enum class InputKind { kOdometry, kPing };  // in the order in which they are handed on
-
 struct StampedMessage {
-  ros::Time stamp;  // the header's
+  // the header's
+  ros::Time stamp;
   InputKind kind;
   rosbag::MessageInstance instance;
 };
 
 struct StampOrder {
   std::vector<StampedMessage> messages;
-  std::size_t unreadable = 0;  // messages that do not hold what they should, or have no stamp
+  // of the sensors that pings come from
+  std::set<std::string> ping_frames;
+  // messages that hold no header, or have no stamp
+  RefusalCounts refused;
 };
 
 // Opens a bag and checks that it holds both topics. Throws std::runtime_error that names the bag

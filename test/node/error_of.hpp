@@ -1,11 +1,15 @@
-// The text of the std::invalid_argument that a call throws; empty if it throws none.
+// What a call throws.
 #pragma once
 
+#include <optional>
 #include <stdexcept>
 #include <string>
 
+#include "rbpf_node/inputs/refusal.hpp"
+
 namespace rbpf_node {
 
+// The text of its std::invalid_argument; empty if it throws none.
 template <typename Call>
 std::string errorOf(const Call& call) {
   try {
@@ -14,6 +18,17 @@ std::string errorOf(const Call& call) {
     return error.what();
   }
   return "";
+}
+
+// Why a call refuses a message; nothing if it does not.
+template <typename Call>
+std::optional<Reason> reasonOf(const Call& call) {
+  try {
+    call();
+  } catch (const Refusal& refusal) {
+    return refusal.reason();
+  }
+  return std::nullopt;
 }
 
 inline bool contains(const std::string& text, const std::string& part) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -61,7 +62,7 @@ TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
   write<sensor_msgs::PointCloud2>("/pings", 6.0, 2.0);
   const StampOrder order = readBack();
   ASSERT_EQ(order.messages.size(), 4U);
-  EXPECT_EQ(order.unreadable, 0U);
+  EXPECT_EQ(order.refused.total(), 0U);
   const double stamps_s[] = {1.0, 2.0, 3.0, 3.0};
   const InputKind kinds[] = {InputKind::kOdometry, InputKind::kPing, InputKind::kOdometry,
                              InputKind::kPing};
@@ -72,13 +73,25 @@ TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
   EXPECT_EQ(order.messages[1].instance.getTime().toSec(), 6.0);
 }
 
+TEST_F(StampOrderTest, NamesTheSensorsFrames) {
+  write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
+  for (const std::string frame : {"mbes", "/mbes", "sidescan"}) {
+    sensor_msgs::PointCloud2 ping;
+    ping.header.stamp = ros::Time(2.0);
+    ping.header.frame_id = frame;
+    writer_.write("/pings", ros::Time(2.0), ping);
+  }
+  EXPECT_EQ(readBack().ping_frames, (std::set<std::string>{"mbes", "sidescan"}));
+}
+
 TEST_F(StampOrderTest, LeavesOutMessagesWithoutAStamp) {
   write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
   write<nav_msgs::Odometry>("/odom", 2.0, 0.0);
   write<sensor_msgs::PointCloud2>("/pings", 1.0, 1.0);
   const StampOrder order = readBack();
   EXPECT_EQ(order.messages.size(), 2U);
-  EXPECT_EQ(order.unreadable, 1U);
+  EXPECT_EQ(order.refused.total(), 1U);
+  EXPECT_EQ(order.refused.counts().count({InputKind::kOdometry, Reason::kNoStamp}), 1U);
 }
 
 TEST_F(StampOrderTest, WantsBothTopics) {
@@ -92,7 +105,9 @@ TEST_F(StampOrderTest, WantsTheRightTypes) {
   writer_.write("/pings", ros::Time(1.0), std_msgs::String());
   writer_.close();
   EXPECT_EQ(errorOfOpening(),
-            path_ + " holds std_msgs/String on /pings, expected sensor_msgs/PointCloud2");
+            path_ +
+                " holds std_msgs/String on /pings, expected sensor_msgs/PointCloud2 or "
+                "sensor_msgs/LaserScan");
 }
 
 TEST_F(StampOrderTest, SaysWhatIsWrongWithABagThatWasCutOff) {

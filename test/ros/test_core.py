@@ -13,10 +13,11 @@ import tf2_ros
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs import point_cloud2
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from rbpf_svgp_slam import srv
+from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.protocol.payload import unpack
 
 PARTICLES = 3
@@ -29,12 +30,16 @@ def service(name, service_class):
     return rospy.ServiceProxy(f"rbpf_core/{name}", service_class)
 
 
+def await_listener(topic_publisher):
+    deadline_s = time.monotonic() + PATIENCE_S
+    while topic_publisher.get_num_connections() == 0 and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+
+
 def publisher(topic, message_class):
     """Latched would keep the last message only: the core must be listening before the first."""
     result = rospy.Publisher(topic, message_class, queue_size=100)
-    deadline_s = time.monotonic() + PATIENCE_S
-    while result.get_num_connections() == 0 and time.monotonic() < deadline_s:
-        time.sleep(0.01)
+    await_listener(result)
     return result
 
 
@@ -47,10 +52,10 @@ def odometry(stamp_s):
     return message
 
 
-def ping(stamp_s):
+def ping(stamp_s, frame="mbes"):
     """Every beam of the survey at a depth of its own."""
     depths_m = 20 + np.arange(BEAMS) / 16 + stamp_s / 2
-    header = Header(stamp=rospy.Time(stamp_s), frame_id="mbes")
+    header = Header(stamp=rospy.Time(stamp_s), frame_id=frame)
     beams = [(0.0, float(i), -depth_m) for i, depth_m in enumerate(depths_m)]
     return point_cloud2.create_cloud_xyz32(header, beams)
 
@@ -70,10 +75,14 @@ class CoreTest(unittest.TestCase):
         mount.transform.rotation.w = 1.0
         cls.broadcaster = tf2_ros.StaticTransformBroadcaster()
         cls.broadcaster.sendTransform(mount)
-        moves, pings = publisher("odom", Odometry), publisher("mbes/pings", PointCloud2)
+        await_listener(cls.broadcaster.pub_tf)  # the survey is over in a blink
+        cls.moves = publisher("odom", Odometry)
+        cls.pings = publisher("mbes/pings", PointCloud2)
         for stamp_s in range(1, DURATION_S + 1):
-            moves.publish(odometry(stamp_s))
-            pings.publish(ping(stamp_s))
+            cls.moves.publish(odometry(stamp_s))
+            # a sensor whose mount nobody knows must hold up no other
+            cls.pings.publish(ping(stamp_s, frame="nowhere"))
+            cls.pings.publish(ping(stamp_s))
         deadline_s = time.monotonic() + PATIENCE_S
         while cls.get_pings(0, 0).pings_total < DURATION_S and time.monotonic() < deadline_s:
             time.sleep(0.05)
@@ -149,6 +158,31 @@ class CoreTest(unittest.TestCase):
             self.assertNotEqual(start.returncode, 0, start.stdout)
             self.assertIn(f"{name} is {message}", start.stdout)
             rospy.set_param(f"/wrong/rbpf_svgp_slam/{name}", right)
+
+    def test_what_cannot_be_taken_in_is_counted_by_reason(self):
+        not_finite, not_float = odometry(DURATION_S + 1), ping(DURATION_S)
+        not_finite.twist.twist.linear.x = float("nan")
+        not_float.fields[1].datatype = PointField.INT32
+        expected = {
+            "odometry/duplicate_stamp": "odometry's stamp is 20.000000 s, expected later than 20.0",
+            "odometry/not_finite": "odometry's linear velocity is (nan, 0, 0), expected finite",
+            "odometry/out_of_order": "odometry's stamp is 3.000000 s, expected later than 20.0",
+            "pings/malformed": "ping's field 'y' is of datatype 5 (int32), expected 7 (float32)",
+            "pings/no_stamp": "header.stamp is 0, expected a time",
+        }
+        for message in (odometry(DURATION_S), not_finite, odometry(3)):
+            self.moves.publish(message)
+        for message in (not_float, ping(0)):
+            self.pings.publish(message)
+        status, deadline_s = FilterStatus(), time.monotonic() + PATIENCE_S
+        while sum(status.refusal_counts) < len(expected) and time.monotonic() < deadline_s:
+            status = rospy.wait_for_message("rbpf_core/status", FilterStatus, PATIENCE_S)
+        self.assertEqual(sorted(status.refusal_reasons), sorted(expected))
+        self.assertEqual(list(status.refusal_counts), [1] * len(expected))
+        for reason, example in zip(status.refusal_reasons, status.refusal_examples):
+            self.assertIn(expected[reason], example)
+        self.assertEqual((status.pings_rejected, status.pings_dropped), (2, 0))
+        self.assertEqual((status.pings, status.pings_waiting), (DURATION_S, DURATION_S))
 
     def test_minibatches_have_common_random_numbers(self):
         reply = self.get_minibatches(range(PARTICLES), 50)

@@ -1,0 +1,223 @@
+// config/default.yaml is the one source of defaults: it is read, and nothing differs from it.
+#include <gtest/gtest.h>
+
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "error_of.hpp"
+#include "rbpf_node/parameters.hpp"
+#include "yaml_tree.hpp"
+
+namespace rbpf_node {
+namespace {
+
+using XmlRpc::XmlRpcValue;
+
+// A survey area about the origin, so that it leaves the origin of coordinates at its default.
+XmlRpcValue defaultTree() {
+  XmlRpcValue tree = treeOf(YAML::LoadFile(RBPF_CONFIG "/default.yaml"));
+  tree["survey_area"] = treeOf(YAML::Load("[[-10, -5], [10, -5], [10, 5], [-10, 5]]"));
+  return tree;
+}
+
+XmlRpcValue treeWith(const std::string& group, const std::string& name, const XmlRpcValue& value) {
+  XmlRpcValue tree = defaultTree();
+  tree[group][name] = value;
+  return tree;
+}
+
+std::string refusalOf(const XmlRpcValue& tree) {
+  return errorOf([&] { validParameters(tree); });
+}
+
+// ---- every field of the parameters, by name ----------------------------------------------------
+
+using Fields = std::vector<std::pair<std::string, std::string>>;
+
+template <typename Value>
+std::string text(const Value& value) {
+  std::ostringstream out;
+  out.precision(17);
+  if constexpr (std::is_enum_v<Value>) {
+    out << static_cast<int>(value);
+  } else {
+    out << value;
+  }
+  return out.str();
+}
+
+std::string text(const std::optional<rbpf_core::Pose2>& pose) {
+  return pose ? text(pose->x_m) + " " + text(pose->y_m) + " " + text(pose->yaw_rad) : "none";
+}
+
+void append(const std::string& group, const Fields& fields, Fields* all) {
+  for (const auto& [name, value] : fields) all->emplace_back(group + "." + name, value);
+}
+
+#define FIELD(name) \
+  { #name, text(name) }
+
+// A structured binding names every member: this file does not compile if one is missing.
+
+Fields fieldsOf(const rbpf_core::MotionNoise& noise) {
+  const auto& [surge_std_m, sway_std_m, yaw_std_rad] = noise;
+  return {FIELD(surge_std_m), FIELD(sway_std_m), FIELD(yaw_std_rad)};
+}
+
+Fields fieldsOf(const rbpf_core::PingFilterParams& params) {
+  const auto& [min_range_m, max_range_m, outlier_window, outlier_threshold] = params;
+  return {FIELD(min_range_m), FIELD(max_range_m), FIELD(outlier_window), FIELD(outlier_threshold)};
+}
+
+Fields fieldsOf(const rbpf_core::Origin& origin) {
+  const auto& [x_m, y_m] = origin;
+  return {FIELD(x_m), FIELD(y_m)};
+}
+
+Fields fieldsOf(const rbpf_core::FilterParams& params) {
+  const auto& [particles, seed, start_pose, start_position_std_m, start_yaw_std_rad, motion, pings,
+               ping_queue, hold_back_s, holdout, common_random_numbers, origin] = params;
+  Fields fields = {FIELD(particles),
+                   FIELD(seed),
+                   FIELD(start_pose),
+                   FIELD(start_position_std_m),
+                   FIELD(start_yaw_std_rad),
+                   FIELD(ping_queue),
+                   FIELD(hold_back_s),
+                   FIELD(holdout),
+                   FIELD(common_random_numbers)};
+  append("motion", fieldsOf(motion), &fields);
+  append("pings", fieldsOf(pings), &fields);
+  append("origin", fieldsOf(origin), &fields);
+  return fields;
+}
+
+Fields fieldsOf(const rbpf_core::WeightingParams& params) {
+  const auto& [rule, noise_std_m, tempering, min_n_eff_share, effective_beams, student_t_dof,
+               min_overlap, mapped_variance, veto_sigma] = params;
+  return {FIELD(rule),
+          FIELD(noise_std_m),
+          FIELD(tempering),
+          FIELD(min_n_eff_share),
+          FIELD(effective_beams),
+          FIELD(student_t_dof),
+          FIELD(min_overlap),
+          FIELD(mapped_variance),
+          FIELD(veto_sigma)};
+}
+
+Fields fieldsOf(const Frames& frames) {
+  const auto& [map, odom, base] = frames;
+  return {FIELD(map), FIELD(odom), FIELD(base)};
+}
+
+Fields fieldsOf(const Parameters& params) {
+  const auto& [nodes, frames, odometry_gap_s, filter, loop_closure, loop_closure_rate_hz,
+               loop_closure_timeout_s, resampling_threshold, resampling_timeout_s,
+               offline_steps_per_second, final_training_s, publish_rate_hz, bathymetry_voxel_m] =
+      params;
+  Fields fields = {FIELD(nodes),
+                   FIELD(odometry_gap_s),
+                   FIELD(loop_closure_rate_hz),
+                   FIELD(loop_closure_timeout_s),
+                   FIELD(resampling_threshold),
+                   FIELD(resampling_timeout_s),
+                   FIELD(offline_steps_per_second),
+                   FIELD(final_training_s),
+                   FIELD(publish_rate_hz),
+                   FIELD(bathymetry_voxel_m)};
+  append("frames", fieldsOf(frames), &fields);
+  append("filter", fieldsOf(filter), &fields);
+  append("loop_closure", fieldsOf(loop_closure), &fields);
+  return fields;
+}
+
+#undef FIELD
+
+TEST(Defaults, AreThoseOfTheShippedFile) {
+  const Fields shipped = fieldsOf(validParameters(defaultTree()));
+  const Fields constructed = fieldsOf(Parameters());
+  ASSERT_EQ(shipped.size(), constructed.size());
+  for (std::size_t i = 0; i < shipped.size(); ++i) {
+    EXPECT_EQ(shipped[i].second, constructed[i].second)
+        << shipped[i].first << ": config/default.yaml and the struct's own default differ";
+  }
+}
+
+// ---- what else the tree says -------------------------------------------------------------------
+
+TEST(ValidParameters, WantASurveyArea) {
+  const XmlRpcValue tree = treeOf(YAML::LoadFile(RBPF_CONFIG "/default.yaml"));
+  EXPECT_TRUE(contains(refusalOf(tree), "survey_area is a list of 0 points, expected a polygon"));
+}
+
+TEST(ValidParameters, CountCoordinatesFromTheMiddleOfTheSurveyArea) {
+  XmlRpcValue tree = defaultTree();
+  tree["survey_area"] = treeOf(YAML::Load("[[100, 0], [140, 0.0], [120, 30]]"));
+  const rbpf_core::Origin origin = validParameters(tree).filter.origin;
+  EXPECT_EQ(origin.x_m, 120.0);
+  EXPECT_EQ(origin.y_m, 15.0);
+}
+
+TEST(ValidParameters, TellWhichNameMayHaveBeenMeant) {
+  EXPECT_TRUE(contains(refusalOf(treeWith("lc", "rate_hx", 0.5)),
+                       "parameter lc/rate_hx is 0.5, expected no such parameter: did you mean "
+                       "lc/rate_hz?"));
+  EXPECT_TRUE(contains(refusalOf(treeWith("svpg", "kernel", std::string("matern12"))),
+                       "did you mean svgp/kernel?"));
+  const std::string error = refusalOf(treeWith("sauna", "temperature_celsius", 90));
+  EXPECT_TRUE(contains(error, "sauna/temperature_celsius is 90, expected no such parameter ("))
+      << error;
+}
+
+TEST(ValidParameters, LeaveTheEnginesGroupToTheMapNodes) {
+  XmlRpcValue tree = treeWith("gmrf", "spacing_m", 2.0);
+  EXPECT_TRUE(contains(refusalOf(tree), "gmrf/spacing_m is 2, expected no such parameter"));
+  tree["map"]["engine"] = std::string("gmrf");
+  EXPECT_EQ(refusalOf(tree), "");
+}
+
+TEST(ValidParameters, MustAgreeWithOneAnother) {
+  EXPECT_TRUE(contains(refusalOf(treeWith("lc", "min_n_eff_share", 0.5)),
+                       "expected a number below resampling/threshold"));
+  XmlRpcValue tree = defaultTree();
+  tree["nodes"] = 41;
+  EXPECT_TRUE(contains(refusalOf(tree), "at most one for each of the 40 particles"));
+}
+
+// ---- of an offline replay ----------------------------------------------------------------------
+
+XmlRpcValue offlineTree() {
+  XmlRpcValue tree;
+  tree["~bag"] = std::string("survey.bag");
+  tree["~odom_topic"] = std::string("/odom");
+  tree["~ping_topic"] = std::string("/mbes/pings");
+  tree["~take_turns"] = true;
+  return tree;
+}
+
+TEST(ValidOfflineParameters, AreTheBagAndItsTopics) {
+  const OfflineParameters params = validOfflineParameters(offlineTree());
+  EXPECT_EQ(params.bag, "survey.bag");
+  EXPECT_EQ(params.topics.odometry, "/odom");
+  EXPECT_EQ(params.topics.pings, "/mbes/pings");
+}
+
+TEST(ValidOfflineParameters, WantTurnsToBeTaken) {
+  XmlRpcValue tree = offlineTree();
+  tree["~take_turns"] = false;
+  EXPECT_TRUE(contains(errorOf([&] { validOfflineParameters(tree); }),
+                       "parameter ~take_turns is false, expected true before the map nodes start"));
+}
+
+TEST(ValidOfflineParameters, WantABag) {
+  XmlRpcValue tree = offlineTree();
+  tree["~bag"] = std::string();
+  EXPECT_TRUE(contains(errorOf([&] { validOfflineParameters(tree); }),
+                       "parameter ~bag is , expected a text that is not empty"));
+}
+
+}  // namespace
+}  // namespace rbpf_node
