@@ -215,52 +215,59 @@ void SlamNode::closeLoops() {
 rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   rbpf_svgp_slam::FilterStatus status;
   const rbpf_core::FilterSnapshot filter = filter_.snapshot();
-  const rbpf_core::Counters counters = filter.counters();
-  const rbpf_core::LoopClosingStatistics closures = loop_closing_.statistics();
-  const rbpf_core::MapsState maps = maps_.state(loop_closing_.epoch());
   const Eigen::ArrayXd weights = filter.logWeights().exp();
   Eigen::Index best = 0;
   weights.maxCoeff(&best);
-  {
-    const std::lock_guard lock(mutex_);
-    status.header.stamp = last_odometry_;
-    status.pings_waiting = unmounted_.size() + filter.pingsWaiting();
-    status.pings_dropped = refused_.dropped(InputKind::kPing);
-    status.pings_rejected = refused_.rejected(InputKind::kPing);
-    for (const auto& [what, count] : refused_.counts()) {
-      status.refusal_reasons.push_back(nameOf(what.first, what.second));
-      status.refusal_counts.push_back(count.messages);
-      status.refusal_examples.push_back(count.example);
-    }
-    status.ping_age_p99_s = ages_.quantile(0.99);
-    status.ping_age_max_s = ages_.quantile(1.0);
-  }
   status.header.frame_id = params_.frames.map;
   status.particles = static_cast<std::uint32_t>(params_.filter.particles);
   status.nodes = static_cast<std::uint32_t>(params_.nodes);
-  status.odometry_messages = counters.odometry_messages;
-  status.pings = filter.pings();
-  status.beams = filter.beams();
-  status.beams_held_out = filter.beamsHeldOut();
-  status.beams_rejected = counters.beams_rejected;
-  status.epoch = loop_closing_.epoch();
-  status.prompts = closures.prompts;
-  status.prompts_vetoed = closures.prompts_vetoed;
-  status.prompts_skipped = closures.prompts_skipped;
-  status.resamplings_failed = closures.resamplings_failed;
-  status.maps_moved = closures.moved.maps;
-  status.bytes_moved = closures.moved.bytes;
   status.n_eff = rbpf_core::effectiveParticles(weights);
-  status.tempering = closures.tempering;
-  status.overlap = closures.overlap;
-  status.prompt_s = closures.prompt_s;
-  status.resampling_s = closures.resampling_s;
-  status.maps_ready = static_cast<std::uint32_t>(maps.maps_ready);
-  status.iterations = maps.steps;
   status.best_particle = static_cast<std::uint32_t>(best);
   status.peak_rss_mb = peakResidentMb();
-  status.message = closures.message;
+  tellInput(filter, &status);
+  tellLoopClosing(&status);
   return status;
+}
+
+void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
+                         rbpf_svgp_slam::FilterStatus* status) const {
+  status->odometry_messages = filter.counters().odometry_messages;
+  status->pings = filter.pings();
+  status->beams = filter.beams();
+  status->beams_held_out = filter.beamsHeldOut();
+  status->beams_rejected = filter.counters().beams_rejected;
+  const std::lock_guard lock(mutex_);
+  status->header.stamp = last_odometry_;
+  status->pings_waiting = unmounted_.size() + filter.pingsWaiting();
+  status->pings_dropped = refused_.dropped(InputKind::kPing);
+  status->pings_rejected = refused_.rejected(InputKind::kPing);
+  for (const auto& [what, count] : refused_.counts()) {
+    status->refusal_reasons.push_back(nameOf(what.first, what.second));
+    status->refusal_counts.push_back(count.messages);
+    status->refusal_examples.push_back(count.example);
+  }
+  status->ping_age_p99_s = ages_.quantile(0.99);
+  status->ping_age_max_s = ages_.quantile(1.0);
+}
+
+void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
+  const rbpf_core::LoopClosingStatistics closures = loop_closing_.statistics();
+  const std::uint32_t epoch = loop_closing_.epoch();
+  const rbpf_core::MapsState maps = maps_.state(epoch);
+  status->epoch = epoch;
+  status->prompts = closures.prompts;
+  status->prompts_vetoed = closures.prompts_vetoed;
+  status->prompts_skipped = closures.prompts_skipped;
+  status->resamplings_failed = closures.resamplings_failed;
+  status->maps_moved = closures.moved.maps;
+  status->bytes_moved = closures.moved.bytes;
+  status->tempering = closures.tempering;
+  status->overlap = closures.overlap;
+  status->prompt_s = closures.prompt_s;
+  status->resampling_s = closures.resampling_s;
+  status->maps_ready = static_cast<std::uint32_t>(maps.maps_ready);
+  status->iterations = maps.steps;
+  status->message = closures.message;
 }
 
 void SlamNode::publishOverview() {

@@ -70,6 +70,9 @@ class SlamNode {
   bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
+  void tellInput(const rbpf_core::FilterSnapshot& filter,
+                 rbpf_svgp_slam::FilterStatus* status) const;
+  void tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const;
   void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const;
   void diagnoseFilter(diagnostic_updater::DiagnosticStatusWrapper& report) const;
   void diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const;
