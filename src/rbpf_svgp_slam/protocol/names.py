@@ -11,6 +11,12 @@ GET_BEAMS = f"{CORE}/get_beams"
 GET_PINGS = f"{CORE}/get_pings"
 TAKE_TURN = f"{CORE}/take_turn"
 FINISH = f"{CORE}/finish"
+#: Plays a bag for replay.launch. Its parameters: rosbag play's exit status, PLAYING before it has
+#: ended, and what went wrong.
+PLAYER = "player"
+PLAYER_STATUS = f"{PLAYER}/status"
+PLAYER_PROBLEM = f"{PLAYER}/problem"
+PLAYING = -1
 #: Parameter that an offline replay sets before its map nodes start.
 TAKE_TURNS = f"{CORE}/take_turns"
 #: Parameters by which an offline replay says that it is through, and how long it took.

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.recorder.ground_truth import GroundTruth
 from rbpf_svgp_slam.recorder.history import History
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 
@@ -19,9 +20,7 @@ class Recording:
     parameters: dict[str, Any]  # the full set
     terrain_file: str  # the true seabed of a simulated survey; empty: not known
     time_lapse: TimeLapseRecorder
-    ground_truth: list[tuple[float, ...]] = field(
-        default_factory=list
-    )  # stamp x y z roll pitch yaw
+    ground_truth: GroundTruth
     statuses: list[FilterStatus] = field(default_factory=list)
     map_statuses: dict[int, MapStatus] = field(default_factory=dict)  # the latest, by node
     history: History = field(default_factory=History)
