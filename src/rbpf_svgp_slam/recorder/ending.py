@@ -18,9 +18,9 @@ MASTER = "rosmaster"
 def end_launch(farewell: str, ending_already: bool) -> None:
     """Let roslaunch end everything, as Ctrl-C does, and print the farewell after the others.
 
-    A required node that simply exits would make roslaunch speak of a process that has died. Without
-    a launch, as under rosrun, only the farewell is printed. ending_already: roslaunch has told us to
-    end, and all others too.
+    A required node that simply exits would make roslaunch speak of a process that has died.
+    Without a launch, as under rosrun, only the farewell is printed. ending_already: roslaunch has
+    told us to end, and all others too.
     """
     told = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
