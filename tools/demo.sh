@@ -31,9 +31,6 @@ mkdir -p "$out"
 echo "Simulating the survey (seed $seed) ..."
 rosrun rbpf_svgp_slam simulate_survey.py --mission demo --seed "$seed" --out "$out/survey.bag"
 echo "Replaying it $rate times faster than it was made ..."
-roslaunch --no-summary rbpf_svgp_slam replay.launch \
+rosrun rbpf_svgp_slam run_launch.py replay.launch \
   bag:="$out/survey.bag" survey:="$out/survey.survey.yaml" terrain:="$out/survey.terrain.npz" \
   config:="$ROOT/config/demo.yaml" out:="$out" rate:="$rate" rviz:="$rviz"
-
-echo
-python3 -m rbpf_svgp_slam.evaluation "$out"

@@ -1,9 +1,10 @@
-"""What the numbers were measured on."""
+"""What the numbers were measured on, and with which version of the package."""
 
 from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,16 @@ def describe() -> dict[str, Any]:
             if name.startswith(("OPENBLAS_", "OMP_", "MKL_"))
         },
     }
+
+
+def commit() -> str:
+    """Of the source tree, if it is one under git."""
+    here = Path(os.path.realpath(__file__)).parent
+    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=10"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):  # no git, no repository
+        return "unknown"
 
 
 def _field(path: str, name: str) -> str:

@@ -61,7 +61,7 @@ def test_every_node_of_another_package_is_named(at_run_time):
         for path in (PACKAGE / "launch").glob("*.launch")
         for name in re.findall(r'pkg="(\w+)"', path.read_text(encoding="utf-8"))
     }
-    assert {"rosbag", "rviz"} <= started
+    assert "rviz" in started
     assert started - {"rbpf_svgp_slam"} <= at_run_time
     assert {"rosbash", "roslaunch"} <= at_run_time
 

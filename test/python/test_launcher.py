@@ -108,7 +108,7 @@ def test_stubborn_nodes_are_killed_within_one_patience(monkeypatch):
 def test_nodes_do_not_outlive_a_group_that_is_killed():
     group = "import subprocess, sys, time; from rbpf_svgp_slam.map_node import launcher\n"
     group += f"node = subprocess.Popen([sys.executable, '-c', {STUBBORN!r}],"
-    group += " preexec_fn=launcher._end_with_parent)\n"
+    group += " preexec_fn=launcher.end_with_parent)\n"
     group += "print(node.pid, flush=True); time.sleep(60)"
     parent = subprocess.Popen([sys.executable, "-c", group], stdout=subprocess.PIPE, text=True)
     lines = sorted(parent.stdout.readline().strip() for _ in range(2))

@@ -5,6 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 
+def fixed(value: float | None, decimals: int) -> str:
+    """Format a quantity with so many decimals, so that a column can be compared; – for None."""
+    return "–" if value is None else f"{value:.{decimals}f}"
+
+
 def format_number(value: Any) -> str:
     """Format a quantity for a reader: three significant digits, thousands apart, – for None."""
     if value is None:

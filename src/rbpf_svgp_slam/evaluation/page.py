@@ -7,7 +7,7 @@ from pathlib import Path
 
 import jinja2
 
-from rbpf_svgp_slam.evaluation.numbers import format_number
+from rbpf_svgp_slam.evaluation.numbers import fixed, format_number
 from rbpf_svgp_slam.figures.report_figures import draw_figures, to_png
 from rbpf_svgp_slam.metrics.evaluation import Evaluation
 from rbpf_svgp_slam.nested import flatten
@@ -26,6 +26,7 @@ def render(run: SurveyRun, evaluation: Evaluation) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["number"] = format_number
+    environment.filters["fixed"] = fixed
     figures = [
         {"png": base64.b64encode(to_png(figure)).decode(), "caption": caption, "name": name}
         for name, figure, caption in draw_figures(run, evaluation)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
@@ -139,7 +138,7 @@ def _run(
     facts = {
         "settings": settings,
         "command": command,
-        "commit": _commit(),
+        "commit": machine.commit(),
         "machine": machine.describe(),
     }
     with busy_core(plan.other_load), _launched(command, folder / "launch.log") as process:
@@ -189,11 +188,3 @@ def _first_error(log: Path) -> str:
         if "[FATAL]" in line or "[ERROR]" in line or "error: " in line:
             return ": " + re.sub(r"\x1b\[[0-9;]*m", "", line).strip()
     return ""
-
-
-def _commit() -> str:
-    """Of the source tree, if it is one under git."""
-    here = Path(os.path.realpath(__file__)).parent
-    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=10"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return done.stdout.strip() if done.returncode == 0 else "unknown"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import itertools
 import signal
 import socket
@@ -18,6 +17,7 @@ import rosgraph
 
 from rbpf_svgp_slam.parameters.rules import ParameterError
 from rbpf_svgp_slam.parameters.server import load_parameters
+from rbpf_svgp_slam.processes import end_with_parent
 from rbpf_svgp_slam.protocol import names
 
 POLL_S = 0.5
@@ -28,7 +28,6 @@ NOTICE_S = 3.0  # of waiting for the core, after which we say so
 # For the master and for nodes on other hosts; one that has been switched off never answers.
 ANSWER_S = 5.0
 ALL = "all"
-PR_SET_PDEATHSIG = 1  # of prctl(2)
 
 
 def start_map_nodes(arguments: Sequence[str]) -> int | str:
@@ -46,7 +45,7 @@ def start_map_nodes(arguments: Sequence[str]) -> int | str:
         indices = share_of_host(options.first, options.count, nodes)
         _check_not_running(indices)
         children.update(
-            (index, subprocess.Popen(_command(index), preexec_fn=_end_with_parent))
+            (index, subprocess.Popen(_command(index), preexec_fn=end_with_parent))
             for index in indices
         )
         return f"svgp_nodes: {_watch(children)}"
@@ -158,11 +157,6 @@ def _answers(uri: str) -> bool:
 def _command(index: int) -> list[str]:
     script = Path(sys.argv[0]).with_name("svgp_node.py")
     return [str(script), f"__name:={names.map_node(index)}", f"_index:={index}"]
-
-
-def _end_with_parent() -> None:
-    """In a child, before its program: it ends when we do, even if we are killed."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _stop(children: Collection[subprocess.Popen]) -> None:

@@ -29,6 +29,7 @@ from rbpf_svgp_slam.metrics.trajectory_errors import (
     rpe_frames,
     rpe_rmse,
 )
+from rbpf_svgp_slam.metrics.verdicts import verdicts
 from rbpf_svgp_slam.run.survey_run import SurveyRun
 
 _COUNTERS = (
@@ -61,7 +62,8 @@ def evaluate(run: SurveyRun, settings: ConsistencySettings = ConsistencySettings
         **_consistency_metrics(run, consistencies, settings),
         "notes": notes,
     }
-    return Evaluation(json_ready(report), held_out, consistencies)
+    report = json_ready(report)
+    return Evaluation({**report, "verdicts": verdicts(report)}, held_out, consistencies)
 
 
 def json_ready(value: Any) -> Any:

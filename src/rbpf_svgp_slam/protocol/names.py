@@ -16,6 +16,12 @@ MAP_MEAN = "map/mean"
 MAP_VARIANCE = "map/variance"
 #: The map's `support_points`. The topic has its name from the engine that was the first.
 MAP_SUPPORT_POINTS = "map/inducing_points"
+#: Plays a bag for replay.launch. Its parameters: rosbag play's exit status, PLAYING before it has
+#: ended, and what went wrong.
+PLAYER = "player"
+PLAYER_STATUS = f"{PLAYER}/status"
+PLAYER_PROBLEM = f"{PLAYER}/problem"
+PLAYING = -1
 #: Parameter that an offline replay sets before its map nodes start.
 TAKE_TURNS = f"{CORE}/take_turns"
 #: Parameters by which an offline replay says that it is through, and how long it took.

@@ -13,7 +13,9 @@ from rbpf_svgp_slam.metrics.map_metrics import predict_in_chunks
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.parameters.rules import Polygon
 from rbpf_svgp_slam.recorder.map_sample import sampled_map_rmse
+from rbpf_svgp_slam.recorder.provenance import provenance
 from rbpf_svgp_slam.recorder.recording import Recording
+from rbpf_svgp_slam.recorder.refusals import refusals
 from rbpf_svgp_slam.recorder.survey_client import fetch_map, fetch_survey
 from rbpf_svgp_slam.run.run_files import engine_predictor, load_terrain
 from rbpf_svgp_slam.run.survey_run import GridMap, StoredMap, SurveyRun
@@ -21,11 +23,14 @@ from rbpf_svgp_slam.run.tracks import interpolate_poses, write_tum
 from rbpf_svgp_slam.survey_area.grid import cell_centres, grid_points
 from rbpf_svgp_slam.survey_area.polygon import inside, survey_origin
 
+# A longer gap in the ground truth is not bridged: the pings in it have none.
+TRUTH_GAP_S = 5.0
 
-def assemble_run(recording: Recording, pings_lost: int) -> SurveyRun:
+
+def assemble_run(recording: Recording, pings_lost: int, bag: str) -> SurveyRun:
     """Fetch the survey and the best particle's map, and evaluate the map on its grid.
 
-    pings_lost: of the bag's, as far as the recorder can tell.
+    pings_lost: of the bag's, as far as the recorder can tell; bag: empty for a live run.
     """
     status = recording.statuses[-1]
     parameters = recording.parameters
@@ -39,9 +44,9 @@ def assemble_run(recording: Recording, pings_lost: int) -> SurveyRun:
     engine = load_map(stored.engine, stored.state)
     predict = engine_predictor(engine, stored.origin_m)
     truth = None
-    if recording.ground_truth:
-        track = np.asarray(sorted(recording.ground_truth))
-        truth = interpolate_poses(track[:, 0], track[:, 1:], survey.stamp_s)
+    track = recording.ground_truth.track()
+    if track is not None:
+        truth = interpolate_poses(track[:, 0], track[:, 1:], survey.stamp_s, TRUTH_GAP_S)
     run = SurveyRun(
         stamp_s=survey.stamp_s,
         estimate=survey.estimate,
@@ -58,7 +63,10 @@ def assemble_run(recording: Recording, pings_lost: int) -> SurveyRun:
         support_label=engine.support_label,
         stored_map=stored,
         terrain=load_terrain(recording.terrain_file) if recording.terrain_file else None,
-        statistics=_statistics(recording, survey, pings_lost),
+        statistics={
+            **_statistics(recording, survey, pings_lost),
+            "provenance": provenance(bag, survey.stamp_s),
+        },
         status_history=recording.history.series(),
         time_lapse=recording.time_lapse.frames(),
         config=recording.parameter_tree,
@@ -110,6 +118,8 @@ def _statistics(recording: Recording, survey: Any, pings_lost: int) -> dict[str,
         "ping_age_p99_s": status.ping_age_p99_s,
         "ping_age_max_s": status.ping_age_max_s,
         "peak_rss_mb": sum(peaks_mb),
+        "refused": refusals(status),
+        "ground_truth_refused": dict(recording.ground_truth.refused),
     }
 
 

@@ -9,11 +9,10 @@ import time
 from typing import Any
 
 import rosbag
+import roslib.message
 import rospy
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
-from scipy.spatial.transform import Rotation
 from std_srvs.srv import Trigger, TriggerResponse
 
 from rbpf_svgp_slam.evaluation.report import write_run
@@ -24,7 +23,10 @@ from rbpf_svgp_slam.parameters.rules import ParameterError
 from rbpf_svgp_slam.parameters.server import parameter_tree
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.recorder.assembly import assemble_run
+from rbpf_svgp_slam.recorder.ending import end_launch
+from rbpf_svgp_slam.recorder.ground_truth import POSE_OF, GroundTruth
 from rbpf_svgp_slam.recorder.recording import Recording
+from rbpf_svgp_slam.recorder.refusals import nothing_taken_in
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 
@@ -45,7 +47,9 @@ def start() -> int | str:
         recorder = Recorder(private, parameter_tree(NAME))
     except ParameterError as error:
         return f"{NAME}: {error}"
-    return recorder.run()
+    status = recorder.run()
+    end_launch(recorder.farewell, ending_already=rospy.is_shutdown())
+    return status
 
 
 class Recorder:
@@ -60,8 +64,11 @@ class Recorder:
             parameters=parameters,
             parameter_tree=tree,
             terrain_file=private.terrain_file,
+            ground_truth=GroundTruth(parameters.frames.map),
             time_lapse=TimeLapseRecorder(parameters),
         )
+        #: To be said at the very end, whatever it is.
+        self.farewell = ""
         self._started_s: float | None = None  # wall clock, at the first odometry
         nodes = range(parameters.nodes)
         # Statuses by sender.
@@ -71,31 +78,41 @@ class Recorder:
         self._next_path_s = 0.0
         self._saving = False
         self._subscribers = [
-            rospy.Subscriber("ground_truth", Odometry, self._on_ground_truth),
+            rospy.Subscriber("ground_truth", rospy.AnyMsg, self._on_ground_truth),
             rospy.Subscriber(names.FILTER_STATUS, FilterStatus, self._on_status),
         ] + [rospy.Subscriber(names.map_status(k), MapStatus, self._on_map_status) for k in nodes]
         self._save = rospy.Service("~save", Trigger, self._on_save)
 
     def run(self) -> int:
-        """Follow the survey to its end and write the run folder; returns the exit status."""
+        """Follow the survey to its end and write the run folder; returns the exit status.
+
+        The last word on it is for `farewell`.
+        """
         try:
-            source = self._source()
-            self._follow(source)
-            if rospy.is_shutdown():
-                return 1
-            if isinstance(source, OfflineReplay):
-                self._recording.wall_s = source.wall_s()  # and it has seen to the final training
-            else:
-                self._finish_survey()
-            self._await_last_words()
-            rospy.loginfo("Writing the report to %s", self._recording.out_dir)
-            run = assemble_run(self._recording, self._pings_lost(source))
-            report = write_run(run, self._recording.out_dir)
+            self._record()
         except FAILURES as error:
             rospy.logfatal("No report: %s", error)
+            self.farewell = f"No report: {error}"
             return 1
-        print(summarise(report, self._recording.out_dir), flush=True)
         return 0
+
+    def _record(self) -> None:
+        source = self._source()
+        self._follow(source)
+        if rospy.is_shutdown():
+            raise RuntimeError("the launch was ended before the survey was over")
+        if isinstance(source, OfflineReplay):
+            self._recording.wall_s = source.wall_s()  # and it has seen to the final training
+        else:
+            self._finish_survey()
+        self._await_last_words()
+        if not self._recording.statuses[-1].pings:
+            raise RuntimeError(nothing_taken_in(self._recording.statuses[-1]))
+        rospy.loginfo("Writing the report to %s", self._recording.out_dir)
+        bag = source.path if source else ""
+        run = assemble_run(self._recording, self._pings_lost(source), bag)
+        report = write_run(run, self._recording.out_dir)
+        self.farewell = summarise(report, self._recording.out_dir)
 
     def _source(self) -> PlayedBag | OfflineReplay | None:
         bag = self._private.bag
@@ -105,8 +122,9 @@ class Recorder:
         if not self._private.offline:
             return PlayedBag(bag, topics["odom"], topics["mbes/pings"])
         source = OfflineReplay(bag, topics["odom"], topics["mbes/pings"])
-        for message in source.messages(rospy.resolve_name("ground_truth")):
-            self._on_ground_truth(message)
+        topic = rospy.resolve_name("ground_truth")
+        for message, type_name in source.messages(topic, "ground truth"):
+            self._take_ground_truth(message, type_name)
         return source
 
     def _pings_lost(self, source: PlayedBag | OfflineReplay | None) -> int:
@@ -151,22 +169,18 @@ class Recorder:
         if silent:
             rospy.logwarn("No news from %s for %.0f s.", ", ".join(silent), patience_s)
 
-    def _on_ground_truth(self, message: Odometry) -> None:
-        if message.header.frame_id != self._map_frame:
-            rospy.logerr_throttle(
-                5.0,
-                f"Ground truth refused: frame '{message.header.frame_id}', "
-                f"expected '{self._map_frame}'",
-            )
-            return
-        p, q = message.pose.pose.position, message.pose.pose.orientation
-        try:
-            yaw, pitch, roll = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_euler("ZYX")
-        except ValueError:
-            rospy.logerr_throttle(5.0, f"Ground truth refused: orientation {q}, expected norm 1")
-            return
-        stamp_s = message.header.stamp.to_sec()
-        self._recording.ground_truth.append((stamp_s, p.x, p.y, p.z, roll, pitch, yaw))
+    def _on_ground_truth(self, message: rospy.AnyMsg) -> None:
+        """Live: of any type, since a wrong one must be refused by name."""
+        type_name = message._connection_header["type"]
+        if type_name in POSE_OF:
+            raw, message = message, roslib.message.get_message_class(type_name)()
+            message.deserialize(raw._buff)
+        self._take_ground_truth(message, type_name)
+
+    def _take_ground_truth(self, message: Any, type_name: str) -> None:
+        problem = self._recording.ground_truth.add(message, type_name)
+        if problem:
+            rospy.logerr_throttle(5.0, f"Ground truth refused: {problem}")
 
     def _on_status(self, status: FilterStatus) -> None:
         if status.odometry_messages and self._started_s is None:
@@ -187,14 +201,15 @@ class Recorder:
         )
 
     def _publish_path(self) -> None:
-        if time.monotonic() < self._next_path_s or not self._recording.ground_truth:
+        if time.monotonic() < self._next_path_s:
             return
         self._next_path_s = time.monotonic() + PATH_PERIOD_S
+        positions = self._recording.ground_truth.positions(PATH_POSES)
+        if not positions:
+            return
         path = PathMessage()
         path.header.frame_id = self._map_frame
-        for _, x, y, z, *_ in self._recording.ground_truth[
-            :: 1 + len(self._recording.ground_truth) // PATH_POSES
-        ]:
+        for x, y, z in positions:
             pose = PoseStamped()
             pose.header.frame_id = self._map_frame
             pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = x, y, z

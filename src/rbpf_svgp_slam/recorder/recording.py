@@ -8,6 +8,7 @@ from typing import Any
 
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
+from rbpf_svgp_slam.recorder.ground_truth import GroundTruth
 from rbpf_svgp_slam.recorder.history import History
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 
@@ -21,9 +22,7 @@ class Recording:
     parameter_tree: dict[str, Any]  # the full set, as the run folder keeps it
     terrain_file: str  # the true seabed of a simulated survey; empty: not known
     time_lapse: TimeLapseRecorder
-    ground_truth: list[tuple[float, ...]] = field(
-        default_factory=list
-    )  # stamp x y z roll pitch yaw
+    ground_truth: GroundTruth
     statuses: list[FilterStatus] = field(default_factory=list)
     map_statuses: dict[int, MapStatus] = field(default_factory=dict)  # the latest, by node
     history: History = field(default_factory=History)

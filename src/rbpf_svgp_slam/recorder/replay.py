@@ -4,36 +4,49 @@ from __future__ import annotations
 
 import sys
 import time
+import xmlrpc.client
 from typing import Any, Iterator
 
 import rosbag
+import rosgraph
 import rospy
 
+from rbpf_svgp_slam.bags.topics import TopicError, topic_in_bag
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.protocol import names
 
-STILL_S = 10.0  # rosbag play is taken to be over when nothing has moved for so long
+# After the player's end, for what is still on its way to the core: its counters must have stood
+# still for so long.
+SETTLED_S = 3.0
+# The player's answer is asked for so often; once it fails twice, the player has died.
+ALIVE_PERIOD_S = 2.0
 PRINT_PERIOD_S = 1.0
 
 
+class ReplayError(RuntimeError):
+    """The replay cannot go on; the message says why."""
+
+
 class _Bag:
-    """The number of pings of a bag."""
+    """What a bag holds of the topics that are wanted, under the bag's own names for them."""
 
     def __init__(self, path: str, odometry_topic: str, ping_topic: str) -> None:
         self.path = path
         with rosbag.Bag(path) as bag:
-            odometry, self.pings = map(bag.get_message_count, (odometry_topic, ping_topic))
-        if not odometry or not self.pings:
-            raise RuntimeError(
-                f"{path} holds {odometry} messages on {odometry_topic} and {self.pings} on "
-                f"{ping_topic}; expected both (launch arguments odom_topic, ping_topic)"
-            )
+            self._topics = bag.get_type_and_topic_info().topics
+        odometry = topic_in_bag(odometry_topic, self._topics, "odometry (odom_topic)", path)
+        pings = topic_in_bag(ping_topic, self._topics, "pings (ping_topic)", path)
+        self.odometry, self.pings = (self._topics[t].message_count for t in (odometry, pings))
 
-    def messages(self, topic: str) -> Iterator[Any]:
-        """What the bag holds of a topic."""
+    def messages(self, topic: str, meaning: str) -> Iterator[tuple[Any, str]]:
+        """Messages of a topic and the name of their type; none if the bag has no such topic."""
+        try:
+            topic = topic_in_bag(topic, self._topics, meaning, self.path)
+        except TopicError:
+            return
         with rosbag.Bag(self.path) as bag:
             for _, message, _ in bag.read_messages(topics=[topic]):
-                yield message
+                yield message, message._type
 
     def lost(self, status: FilterStatus) -> int:
         """Pings of the bag that the core has neither taken in nor refused as malformed."""
@@ -41,29 +54,59 @@ class _Bag:
 
 
 class PlayedBag(_Bag):
-    """A bag played by rosbag play."""
+    """A bag played by play_survey.py, whose end is the survey's end."""
 
     def __init__(self, path: str, odometry_topic: str, ping_topic: str) -> None:
         super().__init__(path, odometry_topic, ping_topic)
-        stamps_s = [message.header.stamp.to_sec() for message in self.messages(odometry_topic)]
-        self.begin_s, self.end_s = min(stamps_s), max(stamps_s)
-        self._last = (0.0, 0)
-        self._moved_s = time.monotonic()
+        self._counters: tuple[int, ...] = ()
+        self._moved_s = 0.0  # monotonic; when the core's counters were last seen to change
+        self._next_look_s = 0.0
+        self._seen = False  # the player has answered before
+        self._silent_looks = 0
 
     def share_played(self, status: FilterStatus) -> float:
         """0 .. 1."""
-        played_s = status.header.stamp.to_sec() - self.begin_s
-        return min(1.0, max(0.0, played_s / max(self.end_s - self.begin_s, 1e-3)))
+        return min(1.0, status.odometry_messages / self.odometry)
 
     def is_over(self, status: FilterStatus) -> bool:
-        """The last odometry is in and with it all pings, or nothing has moved for a while."""
-        if status.header.stamp.to_sec() >= self.end_s and not self.lost(status):
-            return True
-        now = (status.header.stamp.to_sec(), status.pings)
-        if now != self._last:
-            self._last, self._moved_s = now, time.monotonic()
-        started = status.odometry_messages > 0
-        return started and time.monotonic() - self._moved_s > STILL_S
+        """The player has ended, and the core has taken in what it has played.
+
+        Raises ReplayError if the player has failed or died.
+        """
+        if not self._player_has_ended():
+            return False
+        now_s = time.monotonic()
+        counters = (
+            status.odometry_messages,
+            status.pings,
+            status.pings_waiting,
+            status.pings_dropped,
+            status.pings_rejected,
+        )
+        if counters != self._counters:
+            self._counters, self._moved_s = counters, now_s
+        return now_s - self._moved_s > SETTLED_S
+
+    def _player_has_ended(self) -> bool:
+        status = rospy.get_param(names.PLAYER_STATUS, names.PLAYING)
+        if status == names.PLAYING:
+            self._check_alive()
+            return False
+        if status != 0:
+            problem = rospy.get_param(names.PLAYER_PROBLEM, "")
+            raise ReplayError(f"playing the bag failed: {problem}")
+        return True
+
+    def _check_alive(self) -> None:
+        if time.monotonic() < self._next_look_s:
+            return
+        self._next_look_s = time.monotonic() + ALIVE_PERIOD_S
+        if is_alive(names.PLAYER):
+            self._seen, self._silent_looks = True, 0
+        elif self._seen:  # before that it is still starting
+            self._silent_looks += 1
+        if self._silent_looks >= 2:
+            raise ReplayError(f"{names.PLAYER} has died before the end of {self.path}")
 
 
 class OfflineReplay(_Bag):
@@ -107,3 +150,13 @@ class ProgressLine:
         if self._started:
             sys.stdout.write("\n")
             sys.stdout.flush()
+
+
+def is_alive(node: str) -> bool:
+    """The master knows the node, and it answers."""
+    try:
+        uri = rosgraph.Master(rospy.get_name()).lookupNode(rospy.resolve_name(node))
+        xmlrpc.client.ServerProxy(uri).getPid(rospy.get_name())
+    except (OSError, rosgraph.MasterException, xmlrpc.client.Error):
+        return False
+    return True

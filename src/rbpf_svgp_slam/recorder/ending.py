@@ -1,0 +1,50 @@
+"""The end of a launch: quiet when all went well, and with the reason as the last word when not."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+
+import psutil
+
+#: For roslaunch to pass the end on, and then for the other processes to go; less than the 15 s
+#: after which roslaunch would send us SIGTERM.
+PATIENCE_S = 10.0
+LAUNCHERS = ("roslaunch", "run_launch.py")
+MASTER = "rosmaster"
+
+
+def end_launch(farewell: str, ending_already: bool) -> None:
+    """Let roslaunch end everything, as Ctrl-C does, and print the farewell after the others.
+
+    A required node that simply exits would make roslaunch speak of a process that has died.
+    Without a launch, as under rosrun, only the farewell is printed. ending_already: roslaunch has
+    told us to end, and all others too.
+    """
+    told = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: told.set())
+    launcher = psutil.Process(os.getppid())
+    if _is_launcher(launcher):
+        others = [p for p in launcher.children() if p.pid != os.getpid() and not _is_master(p)]
+        if not ending_already:
+            launcher.send_signal(signal.SIGINT)
+            told.wait(PATIENCE_S)
+        psutil.wait_procs(others, timeout=PATIENCE_S)
+    print(farewell, flush=True)
+
+
+def _is_launcher(process: psutil.Process) -> bool:
+    return any(word.endswith(LAUNCHERS) for word in _command(process))
+
+
+def _is_master(process: psutil.Process) -> bool:
+    return any(MASTER in word for word in _command(process))
+
+
+def _command(process: psutil.Process) -> list[str]:
+    try:
+        return process.cmdline()
+    except psutil.Error:  # it has just ended
+        return []
