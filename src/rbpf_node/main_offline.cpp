@@ -10,6 +10,28 @@
 #include "rbpf_node/offline_replay.hpp"
 #include "rbpf_node/spinning.hpp"
 
+namespace {
+
+// Replays, tells the recorder by parameters how it went, and stays until the launch is ended: the
+// recorder has the last word. Returns the exit status.
+template <typename Replay>
+int tell(const ros::NodeHandle& own, const Replay& replay) {
+  std::string problem;
+  try {
+    own.setParam("replay_wall_s", replay());
+  } catch (const std::exception& error) {
+    if (ros::isShuttingDown()) throw;
+    problem = error.what();
+    ROS_ERROR("%s", problem.c_str());
+  }
+  own.setParam("replay_problem", problem);
+  own.setParam("replay_finished", true);  // the recorder waits for this
+  ros::waitForShutdown();
+  return problem.empty() ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   ros::init(argc, argv, "rbpf_core");
   try {
@@ -28,10 +50,7 @@ int main(int argc, char** argv) {
       spinning.stop();
     };
     const std::unique_ptr<void, decltype(stop)> stop_at_end(&spinning, stop);
-    const double wall_s = replay.run(offline);
-    own.setParam("replay_wall_s", wall_s);
-    own.setParam("replay_finished", true);  // the recorder waits for this
-    ros::waitForShutdown();
+    return tell(own, [&] { return replay.run(offline); });
   } catch (const std::exception& error) {
     // rosconsole has been shut down with the last node handle
     std::fprintf(stderr, "[FATAL] %s: %s\n", argv[0], error.what());

@@ -35,10 +35,10 @@ OfflineReplay::OfflineReplay(ros::NodeHandle private_node, const Parameters& par
 
 double OfflineReplay::run(const OfflineParameters& offline) {
   rosbag::Bag bag;
-  openBag(offline.bag, offline.topics, &bag);
+  const OfflineTopics topics = openBag(offline.bag, offline.topics, &bag);
   if (mapping()) awaitNodes(0.0);
   progress_.start();
-  const StampOrder order = inStampOrder(bag, offline.topics);
+  const StampOrder order = inStampOrder(bag, topics);
   slam_.refuse(order.refused);
   for (const auto& mount : mountsIn(bag, params_.frames, order.ping_frames)) {
     slam_.transforms().setTransform(mount, offline.bag, true);
@@ -62,7 +62,8 @@ double OfflineReplay::run(const OfflineParameters& offline) {
 }
 
 void OfflineReplay::trainFinally(double duration_s) {
-  if (!mapping()) return;
+  // without beams there is nothing to wait for
+  if (!mapping() || slam_.filter().snapshot().beamsReleased() == 0) return;
   ROS_INFO("Survey over; training on the whole log, as much as in %.0f s of survey.",
            params_.final_training_s);
   // a second at a time, so that maps whose node has died are heard of soon

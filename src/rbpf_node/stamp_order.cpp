@@ -10,11 +10,24 @@
 #include <tuple>
 #include <utility>
 
+#include "rbpf_node/bag_topics.hpp"
+
 namespace rbpf_node {
 
 namespace {
 
-void expectTopic(const rosbag::Bag& bag, const std::string& topic, InputKind kind) {
+std::string findTopic(const rosbag::Bag& bag, const std::string& name, InputKind kind) {
+  std::set<std::string> topics;
+  for (const rosbag::ConnectionInfo* connection : rosbag::View(bag).getConnections()) {
+    topics.insert(connection->topic);
+  }
+  const std::string topic = topicInBag(name, topics);
+  if (topic.empty()) {
+    std::string known;
+    for (const std::string& one : topics) known += (known.empty() ? "" : ", ") + one;
+    throw std::runtime_error(bag.getFileName() + " holds no message on " + name +
+                             "; its topics are " + (known.empty() ? "none" : known));
+  }
   rosbag::View view(bag, rosbag::TopicQuery(topic));
   for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
     const std::string expected = expectedInsteadOf(kind, connection->datatype, connection->md5sum);
@@ -22,9 +35,7 @@ void expectTopic(const rosbag::Bag& bag, const std::string& topic, InputKind kin
     throw std::runtime_error(bag.getFileName() + " holds " + connection->datatype + " on " + topic +
                              ", expected " + expected);
   }
-  if (view.getConnections().empty()) {
-    throw std::runtime_error(bag.getFileName() + " holds no message on " + topic);
-  }
+  return topic;
 }
 
 void refuse(const rosbag::MessageInstance& instance, InputKind kind, Reason reason,
@@ -51,15 +62,15 @@ void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, S
 
 }  // namespace
 
-void openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
+OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
   try {
     bag->open(path, rosbag::bagmode::Read);
   } catch (const rosbag::BagException& error) {
     throw std::runtime_error(path + " cannot be read: " + error.what() +
                              ". If its recording was cut off, rosbag reindex may mend it");
   }
-  expectTopic(*bag, topics.odometry, InputKind::kOdometry);
-  expectTopic(*bag, topics.pings, InputKind::kPing);
+  return {findTopic(*bag, topics.odometry, InputKind::kOdometry),
+          findTopic(*bag, topics.pings, InputKind::kPing)};
 }
 
 StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics) {

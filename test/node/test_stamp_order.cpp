@@ -97,7 +97,7 @@ TEST_F(StampOrderTest, LeavesOutMessagesWithoutAStamp) {
 TEST_F(StampOrderTest, WantsBothTopics) {
   write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
   writer_.close();
-  EXPECT_EQ(errorOfOpening(), path_ + " holds no message on /pings");
+  EXPECT_EQ(errorOfOpening(), path_ + " holds no message on /pings; its topics are /odom");
 }
 
 TEST_F(StampOrderTest, WantsTheRightTypes) {

@@ -24,9 +24,11 @@ PLAYER_PROBLEM = f"{PLAYER}/problem"
 PLAYING = -1
 #: Parameter that an offline replay sets before its map nodes start.
 TAKE_TURNS = f"{CORE}/take_turns"
-#: Parameters by which an offline replay says that it is through, and how long it took.
+#: Parameters by which an offline replay says that it is through, how long it took, and what went
+#: wrong.
 REPLAY_FINISHED = f"{CORE}/replay_finished"
 REPLAY_WALL_S = f"{CORE}/replay_wall_s"
+REPLAY_PROBLEM = f"{CORE}/replay_problem"
 
 
 def map_node(index: int) -> str:

@@ -113,8 +113,13 @@ class OfflineReplay(_Bag):
     """A bag read by rbpf_offline, which says by parameters when it is through, and how it went."""
 
     def is_over(self, _: FilterStatus) -> bool:
-        """The survey and the final training are."""
-        return rospy.get_param(names.REPLAY_FINISHED, False)
+        """The survey and the final training are. Raises ReplayError if the replay has failed."""
+        if not rospy.get_param(names.REPLAY_FINISHED, False):
+            return False
+        problem = rospy.get_param(names.REPLAY_PROBLEM, "")
+        if problem:
+            raise ReplayError(problem)
+        return True
 
     def wall_s(self) -> float:
         """That the survey took, final training not included."""
