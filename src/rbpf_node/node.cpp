@@ -110,7 +110,7 @@ void SlamNode::handOnPings() {
       const Eigen::Isometry3d T_base_sensor = tf2::transformToEigen(
           transforms_.lookupTransform(params_.frames.base, frame, ros::Time(0)));
       filter_.addPing(toPing(message, T_base_sensor));
-    } catch (const rbpf_core::InputRefused& refused) {  // the filter has counted it
+    } catch (const rbpf_core::Refusal& refused) {  // the filter has counted it
       ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", refused.what());
     } catch (const std::exception& error) {
       ++pings_malformed_;
