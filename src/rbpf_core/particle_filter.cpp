@@ -165,7 +165,7 @@ void ParticleFilter::expectPoseAt(const Ping& ping) {
   if (ping.stamp_s < first_s) {
     throw refuse(InputKind::kPing, Reason::kNoOdometry,
                  nameOf(ping) + " dropped: the odometry kept begins at " + decimal(first_s, 3) +
-                     " s. Is the sonar's clock behind?");
+                     " s. Do pings come late, or is the sonar's clock behind?");
   }
   const auto after = firstNotBefore(ping.stamp_s);
   const double after_s = (*after)->odometry.stamp_s;
