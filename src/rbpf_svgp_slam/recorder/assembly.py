@@ -109,6 +109,9 @@ def _statistics(recording: Recording, survey: Any, pings_lost: int, bag: str) ->
         "ping_age_max_s": status.ping_age_max_s,
         "peak_rss_mb": sum(peaks_mb),
         "refused": refusals(status),
+        "findings": list(status.findings),
+        "velocity_source": status.velocity_source,
+        "odometry_gaps": int(status.odometry_gaps),
         "ground_truth_refused": dict(recording.ground_truth.refused),
         "provenance": provenance(bag, survey.stamp_s),
     }
