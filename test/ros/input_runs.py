@@ -100,7 +100,11 @@ class Workshop:
         self.config.write_text(yaml.safe_dump(CONFIG), encoding="utf-8")
 
     def run(
-        self, case: Case, mode: str, while_it_runs: Callable[[int], None] | None = None
+        self,
+        case: Case,
+        mode: str,
+        while_it_runs: Callable[[int], None] | None = None,
+        rate: float = RATE,
     ) -> tuple[Survey, Run]:
         """The case's survey, and its run. while_it_runs: called with the launch's process id."""
         survey = case.make(self.base)
@@ -110,7 +114,7 @@ class Workshop:
         arguments = [f"bag:={bag}", f"out:={out}", f"config:={self.config}"]
         arguments += [f"survey:={bag.with_suffix('.survey.yaml')}", *survey.arguments]
         if mode == LIVE:
-            arguments.append(f"rate:={RATE}")
+            arguments.append(f"rate:={rate}")
         command = [LAUNCH_FILES[mode], *arguments]
         run = launch(command, self.time_limit_s, survey.namespace, while_it_runs)
         report = out / "report.json"
@@ -187,7 +191,7 @@ def problems(case: Case, mode: str, survey: Survey, run: Run) -> list[str]:
 def _problems_of_stop(expected: Expected, run: Run) -> Iterator[str]:
     if run.status == 0:
         yield "exit status 0"
-    if not re.search(expected.stops, run.last_lines):
+    if not re.search(expected.stops, run.last_lines, re.IGNORECASE):
         yield f"the last lines lack {expected.stops!r}"
 
 

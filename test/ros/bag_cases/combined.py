@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bag_cases import clocks, formats, geometry, names, truths, twists
-from bag_cases.expected import Case, refused
+from bag_cases import clocks, formats, geometry, mounts, names, recordings, truths, twists
+from bag_cases.expected import Case, Expected, refused
 from bag_cases.survey import Survey
 
 
@@ -23,6 +23,21 @@ def harmless(survey: Survey) -> Survey:
     return survey
 
 
+def unusual(survey: Survey) -> Survey:
+    """What is rare and right, and ground truth that cannot be used."""
+    for step in (
+        formats.laser_scans,
+        mounts.mount_on_tf,
+        geometry.utm,
+        names.odometry_in_map,
+        truths.of_a_wrong_type,
+        recordings.pause_in_recording,
+        clocks.one_of_each_beyond_2038,
+    ):
+        survey = step(survey)
+    return survey
+
+
 CASES = [
     Case(
         "harmless_together",
@@ -36,5 +51,13 @@ CASES = [
             "odometry/clock_ahead",
             "odometry/implausible_twist",
         ),
-    )
+    ),
+    Case(
+        "unusual_together",
+        "together",
+        "LaserScan, the mount on /tf, UTM, odometry in map, ground truth of a wrong type, a pause, "
+        "one message and one ping beyond 2³¹ s",
+        unusual,
+        Expected(refused=("odometry/clock_ahead", "pings/clock_ahead"), has_truth=False),
+    ),
 ]

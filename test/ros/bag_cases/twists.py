@@ -121,7 +121,7 @@ CASES = [
         "twist",
         "angular velocities are zero",
         without_rates,
-        stops(NAME, "(?i)yaw rate|rates"),
+        stops(NAME, "yaw rate|rates"),
         TOLD_LIVE,
     ),
     Case(
@@ -129,7 +129,7 @@ CASES = [
         "twist",
         "angular velocities in degrees",
         rates_in_degrees,
-        stops(NAME, "(?i)degree"),
+        stops(NAME, "degree"),
         TOLD_LIVE,
     ),
     Case(
@@ -137,18 +137,16 @@ CASES = [
         "twist",
         "velocities in the odometry's frame",
         in_odom_frame,
-        stops(NAME, "(?i)frame"),
+        stops(NAME, "frame"),
         TOLD_LIVE,
     ),
-    Case(
-        "twist_in_knots", "twist", "speeds in knots", in_knots, stops(NAME, "(?i)knots"), TOLD_LIVE
-    ),
+    Case("twist_in_knots", "twist", "speeds in knots", in_knots, stops(NAME, "knots"), TOLD_LIVE),
     Case(
         "yaw_to_starboard",
         "twist",
         "yaw rate of the other sign",
         yaw_to_starboard,
-        stops(NAME, "(?i)sign|starboard"),
+        stops(NAME, "sign|starboard"),
         TOLD_LIVE,
     ),
     Case(
