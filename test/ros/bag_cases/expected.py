@@ -41,7 +41,7 @@ def refused(*reasons: str) -> Expected:
 
 def stops(*words: str) -> Expected:
     """The words, regular expressions, must come in this order, on whatever lines."""
-    return Expected(stops=r"[\s\S]*".join(words))
+    return Expected(stops=r"[\s\S]*".join(f"(?:{word})" for word in words))
 
 
 def finds(*names: str, is_near: bool = True) -> Expected:
