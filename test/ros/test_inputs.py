@@ -40,6 +40,7 @@ RUNS = (
 #: For a process to come up, and for a run that has lost one to end.
 PATIENCE_S = 60.0
 UNDER_WAY_S = 3.0
+MAP_NODE_DEAD = r"svgp_node_0 ended with exit status -9[\s\S]*svgp_nodes-\d+ has died"
 
 
 def kill(program, launch_pid):
@@ -75,7 +76,7 @@ class InputsTest(unittest.TestCase):
         wrong = problems(case, mode, survey, run)
         self.assertEqual([], wrong, f"\n{run.last_lines}")
 
-    def check_death(self, program, names, mode=LIVE):
+    def check_death(self, program, told, mode=LIVE):
         """A process is killed: the run ends by itself, and its last lines name who has died."""
         # offline a second of survey then takes about as long
         slow = {"offline": {"steps_per_second": 2000.0}}
@@ -91,19 +92,21 @@ class InputsTest(unittest.TestCase):
         self.assertIsNotNone(run.status, f"it has not ended:\n{run.output}")
         self.assertNotEqual(run.status, 0, run.output)
         self.assertLess(time.monotonic() - begin_s, PATIENCE_S, run.output)
-        self.assertRegex(run.last_lines, names)
+        self.assertRegex(run.last_lines, told)
 
     def test_the_player_is_killed(self):
-        self.check_death("play_survey.py", r"No report: .*player")
+        self.check_death(
+            "play_survey.py", "No report: .*player.*\n.*player-\\d+ was killed by SIGKILL"
+        )
 
     def test_the_core_is_killed(self):
-        self.check_death("rbpf_core", r"rbpf_core")
+        self.check_death("rbpf_core", "rbpf_core-\\d+ was killed by SIGKILL")
 
     def test_a_map_node_is_killed(self):
-        self.check_death("svgp_node.py", r"svgp_node_0")
+        self.check_death("svgp_node.py", MAP_NODE_DEAD)
 
     def test_a_map_node_of_an_offline_replay_is_killed(self):
-        self.check_death("svgp_node.py", r"svgp_node_0", OFFLINE)
+        self.check_death("svgp_node.py", MAP_NODE_DEAD, OFFLINE)
 
 
 def _test_of(name, mode):
