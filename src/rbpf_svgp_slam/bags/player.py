@@ -69,7 +69,9 @@ def _command(options: argparse.Namespace) -> list[str]:
             played[name] = topic_in_bag(name, topics, "", options.bag)
         except TopicError:
             pass  # it is optional
-    remappings = [f"{topic}:={name}" for name, topic in played.items() if name != topic]
+    # in a namespace, too, nodes listen to the one clock
+    played_to = {"clock": "/clock", **{topic: name for name, topic in played.items()}}
+    remappings = [f"{topic}:={name}" for topic, name in played_to.items() if name != topic]
     # not `rosbag play`, a script that would outlive us if we were killed
     [program] = find_node("rosbag", "play")
     command = [program, "--quiet", "--clock", "--hz", "100", "--queue", str(QUEUE)]
