@@ -62,13 +62,17 @@ void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, S
 
 }  // namespace
 
-OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
+void openBag(const std::string& path, rosbag::Bag* bag) {
   try {
     bag->open(path, rosbag::bagmode::Read);
   } catch (const rosbag::BagException& error) {
     throw std::runtime_error(path + " cannot be read: " + error.what() +
                              ". If its recording was cut off, rosbag reindex may mend it");
   }
+}
+
+OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
+  openBag(path, bag);
   return {findTopic(*bag, topics.odometry, InputKind::kOdometry),
           findTopic(*bag, topics.pings, InputKind::kPing)};
 }

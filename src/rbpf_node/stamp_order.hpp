@@ -28,9 +28,12 @@ struct StampOrder {
   RefusalCounts refused;
 };
 
+// Opens a bag to be read. Throws std::runtime_error that names it, and what is wrong with it.
+void openBag(const std::string& path, rosbag::Bag* bag);
+
 // Opens a bag and checks that it holds both topics, of types that are taken; returns their names as
-// the bag has them (see topicInBag). Throws std::runtime_error that names the bag, and what is wrong
-// with it.
+// the bag has them (see topicInBag). Throws std::runtime_error that names the bag, and what is
+// wrong with it.
 OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag);
 
 // All messages of both topics by header.stamp, whenever they were received; odometry before a ping
