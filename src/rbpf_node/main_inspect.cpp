@@ -20,6 +20,8 @@
 
 namespace {
 
+constexpr int kWrongParameter = 2;
+
 XmlRpc::XmlRpcValue treeFrom(std::istream& input) {
   const std::string text((std::istreambuf_iterator<char>(input)), {});
   int offset = 0;
@@ -54,6 +56,9 @@ int main(int argc, char** argv) {
   }
   try {
     run({argv + 1, argv + argc});
+  } catch (const std::invalid_argument& error) {  // of validParameters()
+    std::fprintf(stderr, "%s\n", error.what());
+    return kWrongParameter;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return EXIT_FAILURE;

@@ -1,0 +1,131 @@
+"""Depths, the swath, its overlap, and the survey area. Needs no ROS."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rbpf_svgp_slam.checking.facts import Facts
+from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding
+from rbpf_svgp_slam.survey_area.polygon import inside
+
+#: Seabed counts as seen before if so much time lies between.
+LATER_S = 60.0
+LEAST_OVERLAP = 0.1
+LEAST_INSIDE = 0.5
+#: Local coordinates begin near their origin, projected ones do not.
+FAR_APART_M = 10_000.0
+
+
+def geometry_findings(facts: Facts, area: list[Any] | None) -> list[Finding]:
+    """Of the sampled beams; area: the survey area, where it is given."""
+    if not len(facts.beams["z_m"]):
+        return []
+    found = [*_depths(facts), _swath(facts), _overlap(facts)]
+    return found + ([_area(facts, area)] if area else [])
+
+
+def _depths(facts: Facts) -> list[Finding]:
+    vehicle_z_m = facts.pings["vehicle_z_m"][facts.beams["ping"].astype(int)]
+    z_m = facts.beams["z_m"]
+    value = (
+        f"seabed at z {np.median(z_m):.1f} m (median), "
+        f"vehicle at z {vehicle_z_m.min():.1f} to {vehicle_z_m.max():.1f} m"
+    )
+    above = float((z_m > vehicle_z_m).mean())
+    if above > 0.5:
+        down = np.median(vehicle_z_m) > 0
+        cause = "z points down in the pings, or the mount is upside down"
+        if down and np.median(z_m) > 0:
+            cause = "z points down in the odometry and in the pings"
+        value = f"{100 * above:.0f} % of the beams lie above the vehicle; {value}"
+        expected = "seabed below the vehicle: x forward, y left, z up"
+        fix = "turn the mount by 180° about x in /tf_static, or convert the messages"
+        return [Finding("beams_above_vehicle", ERROR, value, expected, cause, fix)]
+    if np.median(z_m) > 0:
+        cause = "the odometry's z is a depth, positive down, or a height above something else"
+        fix = "publish z negative under water, zero at the surface"
+        return [Finding("seabed_above_sea", WARNING, value, "seabed below z = 0", cause, fix)]
+    return [Finding("depth", OK, value)]
+
+
+def _swath(facts: Facts) -> Finding:
+    forward_m = np.nanmedian(facts.pings["max_forward_m"] - facts.pings["min_forward_m"])
+    across_m = np.nanmedian(facts.pings["max_left_m"] - facts.pings["min_left_m"])
+    left_m = np.nanmedian(facts.pings["max_left_m"] + facts.pings["min_left_m"]) / 2
+    value = (
+        f"{across_m:.1f} m across, {forward_m:.1f} m along the vehicle, middle {left_m:.1f} m left"
+    )
+    if across_m >= forward_m:
+        return Finding("swath", OK, value)
+    cause = "the mount's yaw is wrong by 90°, or the sonar looks forward"
+    fix = "check the mount in /tf_static: the fan lies across base_link's x"
+    return Finding("swath", WARNING, value, "wider across than along", cause, fix)
+
+
+def _overlap(facts: Facts) -> Finding:
+    share, apart_m, cell_m = overlap(facts)
+    value = f"{100 * share:.0f} % of the beams lie over seabed seen {LATER_S:.0f} s earlier or more"
+    if share > 0:
+        value += f"; depths there {apart_m:.2f} m apart (median, cells of {cell_m:.1f} m)"
+    expected = f"{100 * LEAST_OVERLAP:.0f} % or more"
+    if share >= LEAST_OVERLAP:
+        return Finding("overlap", OK, value, expected)
+    cause = "survey lines further apart than the swath is wide, no crossing lines, or one line only"
+    fix = "plan crossing lines: without overlap SLAM cannot correct the drift"
+    return Finding("overlap", WARNING, value, expected, cause, fix)
+
+
+def overlap(facts: Facts) -> tuple[float, float, float]:
+    """Share of beams over seabed seen LATER_S earlier; the median difference of depths; the cells.
+
+    Cells are as fine as the sampled pings let them be.
+    """
+    beams, stamps_s = facts.beams, facts.beam_stamps()
+    at = np.column_stack([beams["x_m"], beams["y_m"]])
+    used = np.isfinite(facts.pings["vehicle_x_m"])
+    track = np.column_stack([facts.pings["vehicle_x_m"], facts.pings["vehicle_y_m"]])[used]
+    steps_m = np.linalg.norm(np.diff(track, axis=0), axis=1) if len(track) > 1 else np.zeros(1)
+    across_m = np.linalg.norm(np.diff(at, axis=0), axis=1)[np.diff(beams["ping"]) == 0]
+    cell_m = max(1.0, 1.5 * np.median(steps_m), 1.5 * np.median(across_m) if len(across_m) else 0)
+    _, cell = np.unique(np.floor((at - at.min(axis=0)) / cell_m), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    first_s = np.full(cell.max() + 1, np.inf)
+    np.minimum.at(first_s, cell, stamps_s)
+    later = stamps_s - first_s[cell] >= LATER_S
+    apart_m = _differences(beams["z_m"], cell, later)
+    return float(later.mean()), float(np.median(apart_m)) if len(apart_m) else 0.0, float(cell_m)
+
+
+def _differences(z_m: np.ndarray, cell: np.ndarray, later: np.ndarray) -> np.ndarray:
+    """By how much the mean depths of earlier and later beams differ, of cells that have both."""
+    means = []
+    both = np.ones(cell.max() + 1, dtype=bool)
+    for part in (later, ~later):
+        beams = np.bincount(cell[part], minlength=len(both))
+        both &= beams > 0
+        means.append(np.bincount(cell[part], z_m[part], len(both)) / np.maximum(beams, 1))
+    return np.abs(means[0] - means[1])[both]
+
+
+def _area(facts: Facts, area: list[Any]) -> Finding:
+    at = np.column_stack([facts.beams["x_m"], facts.beams["y_m"]])
+    share = float(inside(at, np.asarray(area, dtype=float)).mean())
+    value = f"{100 * share:.0f} % of the beams lie in it: beams {_box(at)}; area {_box(area)}"
+    expected = f"{100 * LEAST_INSIDE:.0f} % or more"
+    if share >= LEAST_INSIDE:
+        return Finding("survey_area", OK, value, expected)
+    corners = np.asarray(area, dtype=float)
+    apart_m = np.maximum(at.min(axis=0) - corners.max(axis=0), corners.min(axis=0) - at.max(axis=0))
+    cause = "the area is another survey's, or has x and y exchanged"
+    if np.linalg.norm(np.maximum(apart_m, 0)) > FAR_APART_M:
+        cause = "UTM against local coordinates?"
+    fix = "take the overlay's: outside of the area nothing is mapped"
+    severity = WARNING if share > 0 else ERROR
+    return Finding("survey_area", severity, value, expected, cause, fix)
+
+
+def _box(points: Any) -> str:
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    return f"x {low[0]:.0f} to {high[0]:.0f}, y {low[1]:.0f} to {high[1]:.0f} m"
