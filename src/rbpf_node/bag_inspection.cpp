@@ -33,10 +33,13 @@ const std::vector<std::string> kOdometryColumns = {
     "yaw_rad",  "u_mps",   "v_mps", "w_mps", "p_radps", "q_radps",  "r_radps",  // of the twist
     "var_u",    "var_v",   "var_r"};                                            // its covariance
 const std::vector<std::string> kPingColumns = {
-    "record_s",      "stamp_s",       "frame",       "beams",           "finite",
-    "within",        "good",          "min_range_m", "median_range_m",  "max_range_m",
-    "vehicle_x_m",   "vehicle_y_m",   "vehicle_z_m", "vehicle_yaw_rad", "median_z_m",
-    "min_forward_m", "max_forward_m", "min_left_m",  "max_left_m"};
+    "record_s", "stamp_s", "frame", "beams", "finite", "within", "min_range_m", "median_range_m",
+    "max_range_m",
+    // where it was placed, of sampled pings
+    "good", "vehicle_x_m", "vehicle_y_m", "vehicle_z_m", "vehicle_yaw_rad", "median_z_m",
+    "min_forward_m", "max_forward_m", "min_left_m", "max_left_m"};
+constexpr std::size_t kWithin = 5;
+constexpr std::ptrdiff_t kPlaced = 9;
 const std::vector<std::string> kBeamColumns = {"ping", "x_m", "y_m", "z_m", "forward_m", "left_m"};
 const std::vector<std::string> kGroundTruthColumns = {
     "record_s", "stamp_s", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"};
@@ -79,6 +82,7 @@ void BagInspection::read(const rosbag::Bag& bag, const OfflineTopics& topics) {
   sample_every_ = 1 + pings / kMostPingsSampled;
   for (const StampedMessage& message : order.messages) takeIn(message);
   for (const Ping& ping : waiting_) {
+    pings_.add(rowOf(ping));
     refused_.add(InputKind::kPing, Reason::kNoOdometry,
                  "ping of stamp " + std::to_string(ping.input.stamp.toSec()) +
                      " s: no odometry at or after it");
@@ -171,55 +175,68 @@ std::optional<Eigen::Isometry3d> BagInspection::mountOf(const std::string& frame
   }
 }
 
-void BagInspection::tabulate(const Ping& ping) {
-  const double stamp_s = ping.input.stamp.toSec();
-  const std::string name = "ping of stamp " + std::to_string(stamp_s) + " s";
-  if (stamp_s != last_->stamp_s && (!before_ || stamp_s < before_->stamp_s)) {
-    throw Refusal(Reason::kNoOdometry, name + ": no odometry before it");
-  }
-  const Ranges ranges = rangesOf(ping.input.beams_m);
+// As it came, not yet placed.
+std::vector<double> BagInspection::rowOf(const Ping& ping) {
+  const rbpf_core::Beams& beams_m = ping.input.beams_m;
+  const Ranges ranges = rangesOf(beams_m);
   std::vector<double> row = {ping.record_s,
-                             stamp_s,
+                             ping.input.stamp.toSec(),
                              frameNumber(ping.input.frame),
-                             static_cast<double>(ping.input.beams_m.cols()),
+                             static_cast<double>(beams_m.cols()),
                              ranges.finite,
                              ranges.within,
-                             kUnknown,
                              ranges.min_m,
                              ranges.median_m,
                              ranges.max_m};
   row.resize(kPingColumns.size(), kUnknown);
-  const auto T_base_sensor = mountOf(ping.input.frame);
+  return row;
+}
+
+void BagInspection::tabulate(const Ping& ping) {
+  const double stamp_s = ping.input.stamp.toSec();
+  const std::string name = "ping of stamp " + std::to_string(stamp_s) + " s";
+  std::vector<double> row = rowOf(ping);
   const bool is_sampled = pings_.rows() % sample_every_ == 0;
-  if (T_base_sensor && is_sampled) {
-    const rbpf_core::Odometry& from = before_ ? *before_ : *last_;
-    const double between_s = last_->stamp_s - from.stamp_s;
-    const double share = between_s > 0.0 ? (stamp_s - from.stamp_s) / between_s : 1.0;
-    const auto pose = rbpf_core::interpolate(from.pose, last_->pose, share);
-    const auto attitude = rbpf_core::interpolate(from.attitude, last_->attitude, share);
-    const rbpf_core::Beams levelled_m =
-        rbpf_core::goodBeams(toPing(ping.input, *T_base_sensor), attitude, params_.filter.pings);
-    std::vector<double> z_m;
-    for (Eigen::Index i = 0; i < levelled_m.cols(); ++i) z_m.push_back(levelled_m(2, i));
-    row[6] = static_cast<double>(levelled_m.cols());
-    std::vector<double> placed = {pose.x_m, pose.y_m, attitude.z_m, pose.yaw_rad, median(z_m)};
-    if (!z_m.empty()) {
-      for (const Eigen::Index axis : {0, 1}) {
-        placed.push_back(levelled_m.row(axis).minCoeff());
-        placed.push_back(levelled_m.row(axis).maxCoeff());
-      }
-    }
-    std::copy(placed.begin(), placed.end(), row.begin() + 10);
-    sampleBeams(static_cast<double>(pings_.rows()), levelled_m, pose);
-  }
+  const bool has_odometry = stamp_s == last_->stamp_s || (before_ && stamp_s >= before_->stamp_s);
+  const auto T_base_sensor = mountOf(ping.input.frame);
+  if (has_odometry && T_base_sensor && is_sampled) place(ping, *T_base_sensor, &row);
   pings_.add(row);
+  if (!has_odometry) throw Refusal(Reason::kNoOdometry, name + ": no odometry before it");
   if (!T_base_sensor) {
     throw Refusal(Reason::kNoMount, name + ": no transform from '" + ping.input.frame + "' to '" +
                                         params_.frames.base + "'");
   }
-  if (ranges.within == 0.0) {
+  if (row[kWithin] == 0.0) {
     throw Refusal(Reason::kNoBeams, name + ": no beam is finite and within range");
   }
+}
+
+void BagInspection::place(const Ping& ping, const Eigen::Isometry3d& T_base_sensor,
+                          std::vector<double>* row) {
+  const rbpf_core::Odometry& from = before_ ? *before_ : *last_;
+  const double between_s = last_->stamp_s - from.stamp_s;
+  const double share =
+      between_s > 0.0 ? (ping.input.stamp.toSec() - from.stamp_s) / between_s : 1.0;
+  const auto pose = rbpf_core::interpolate(from.pose, last_->pose, share);
+  const auto attitude = rbpf_core::interpolate(from.attitude, last_->attitude, share);
+  const rbpf_core::Beams levelled_m =
+      rbpf_core::goodBeams(toPing(ping.input, T_base_sensor), attitude, params_.filter.pings);
+  std::vector<double> z_m;
+  for (Eigen::Index i = 0; i < levelled_m.cols(); ++i) z_m.push_back(levelled_m(2, i));
+  std::vector<double> placed = {static_cast<double>(levelled_m.cols()),
+                                pose.x_m,
+                                pose.y_m,
+                                attitude.z_m,
+                                pose.yaw_rad,
+                                median(z_m)};
+  if (!z_m.empty()) {
+    for (const Eigen::Index axis : {0, 1}) {
+      placed.push_back(levelled_m.row(axis).minCoeff());
+      placed.push_back(levelled_m.row(axis).maxCoeff());
+    }
+  }
+  std::copy(placed.begin(), placed.end(), row->begin() + kPlaced);
+  sampleBeams(static_cast<double>(pings_.rows()), levelled_m, pose);
 }
 
 BagInspection::Ranges BagInspection::rangesOf(const rbpf_core::Beams& beams_m) const {

@@ -48,7 +48,9 @@ class BagInspection {
   void takeOdometry(const RawMessage& raw, double record_s);
   void takePing(const RawMessage& raw, double record_s);
   void takeWaiting();
+  std::vector<double> rowOf(const Ping& ping);
   void tabulate(const Ping& ping);
+  void place(const Ping& ping, const Eigen::Isometry3d& T_base_sensor, std::vector<double>* row);
   std::optional<Eigen::Isometry3d> mountOf(const std::string& frame) const;
   Ranges rangesOf(const rbpf_core::Beams& beams_m) const;
   void sampleBeams(double ping, const rbpf_core::Beams& levelled_m, const rbpf_core::Pose2& pose);

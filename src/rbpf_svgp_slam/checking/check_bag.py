@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import shlex
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,6 +43,14 @@ An overlay on config/default.yaml that suits the bag is written beside it."""
 
 #: Stands in for a survey area that nobody has given yet, so that the rest can be read.
 _ANY_AREA = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+_NO_AREA = Finding(
+    "survey_area",
+    ERROR,
+    "not set",
+    "a polygon [[x, y], ...] in map, m: the seabed to be mapped",
+    "no config was given, or it does not have it",
+    "check_bag.py without a config writes an overlay that has one",
+)
 
 
 @dataclass
@@ -156,7 +165,9 @@ def _parameters(options: argparse.Namespace, result: Check) -> dict[str, Any]:
             if not isinstance(overlay, dict):
                 raise ParameterError(f"{path}: expected names and values")
             tree = merged(tree, overlay)
-        validate(tree)
+        if not tree["survey_area"]:
+            result.findings.append(_NO_AREA)
+        validate({**tree, "survey_area": tree["survey_area"] or _ANY_AREA})
     except (OSError, UnicodeDecodeError, yaml.YAMLError, ParameterError) as error:
         text = " ".join(str(error).split())
         fix = "check_bag.py without a config writes one that suits the bag"
@@ -165,6 +176,15 @@ def _parameters(options: argparse.Namespace, result: Check) -> dict[str, Any]:
         )
         return defaults
     return tree
+
+
+def _hint(options: argparse.Namespace) -> str:
+    """What to do about a launch that is stopped."""
+    words = ["rosrun", "rbpf_svgp_slam", "check_bag.py", str(options.bag)]
+    for name, topic in (("--odom", options.odom), ("--pings", options.pings)):
+        words += [name, topic] if topic else []
+    command_line = " ".join(map(shlex.quote, words))
+    return f"All findings, and an overlay: {command_line}\nWithout this check: check:=false"
 
 
 def _bad(result: Check) -> list[Finding]:

@@ -56,16 +56,7 @@ def _mount_finding(mount: Mount, facts: Facts) -> Finding:
     base = facts.parameters["frames"]["base"]
     name = "mount"
     if mount.translation_m is None or mount.roll_pitch_yaw_rad is None:
-        links = ", ".join(f"{parent} → {child}" for parent, child in facts.links) or "none"
-        return Finding(
-            name,
-            ERROR,
-            f"no transform leads from '{base}' to '{mount.frame}'; there are: {links}",
-            f"{base} → {mount.frame} in /tf_static or, without change, in /tf",
-            "/tf_static was not recorded, or the pings have another name for their frame",
-            "record /tf_static; or rosrun tf2_ros static_transform_publisher X Y Z YAW PITCH ROLL "
-            f"{base} {mount.frame}, recorded into the bag (rosbag record, then merge)",
-        )
+        return _no_mount(mount, facts)
     x, y, z = mount.translation_m
     roll, pitch, yaw = (math.degrees(angle) + 0.0 for angle in mount.roll_pitch_yaw_rad)
     value = (
@@ -81,3 +72,18 @@ def _mount_finding(mount: Mount, facts: Facts) -> Finding:
         fix = "measure it: an error in roll tilts every swath, a lever arm shifts it"
         return Finding(name, WARNING, value, "the sonar's own place", cause, fix)
     return Finding(name, OK, value)
+
+
+def _no_mount(mount: Mount, facts: Facts) -> Finding:
+    frames = facts.parameters["frames"]
+    base = frames["base"]
+    links = ", ".join(f"{parent} → {child}" for parent, child in facts.links) or "none"
+    value = f"no transform leads from '{base}' to '{mount.frame}'; there are: {links}"
+    expected = f"{base} → {mount.frame} in /tf_static or, without change, in /tf"
+    if mount.frame in (frames["odom"], frames["map"]):
+        cause = "the beams have been placed by the navigation already"
+        fix = "record the pings in the sonar's own frame: SLAM does the placing"
+        return Finding("mount", ERROR, value, expected, cause, fix)
+    cause = "/tf_static was not recorded, or the pings have another name for their frame"
+    fix = "record /tf_static, or add the mount to the bag: docs/your_survey.md"
+    return Finding("mount", ERROR, value, expected, cause, fix)

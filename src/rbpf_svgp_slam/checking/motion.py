@@ -99,9 +99,9 @@ def _windows(odometry: Table) -> tuple[int, int, str]:
 
 def _window_bounds(stamps_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of first and last messages of windows without a gap."""
-    starts_s = np.arange(stamps_s[0], stamps_s[-1] - WINDOW_S, WINDOW_S)
-    begin = np.searchsorted(stamps_s, starts_s)
-    end = np.searchsorted(stamps_s, starts_s + WINDOW_S)
+    window = np.floor((stamps_s - stamps_s[0]) / WINDOW_S)
+    begin = np.flatnonzero(np.diff(window, prepend=-1.0))
+    begin, end = begin[:-1], begin[1:]
     lasts_s = stamps_s[end] - stamps_s[begin]
     whole = (lasts_s > 0) & (lasts_s < 2 * WINDOW_S)
     return begin[whole], end[whole]
@@ -153,8 +153,8 @@ def _cause(odometry: Table) -> str:
         return "the twist has no yaw rate"
     if 30 < rate < 90:
         return "the twist's rates are in degrees"
-    turning = np.corrcoef(np.diff(yaw) / np.diff(odometry["stamp_s"]), odometry["r_radps"][1:])
-    if turning[0, 1] < -0.5:
+    turning = np.diff(yaw) * odometry["r_radps"][1:]
+    if turning.sum() < -0.5 * np.abs(turning).sum():
         return "the sign of the yaw rate: z down instead of up"
     steps_m = np.hypot(np.diff(odometry["x_m"]), np.diff(odometry["y_m"]))
     speed_mps = steps_m.sum() / (period_s(odometry) * len(steps_m))

@@ -15,8 +15,10 @@ SURGE, SWAY, YAW = NAMES = ("surge_std_m", "sway_std_m", "yaw_std_rad")
 #: What is believed, per sqrt(s).
 PLAUSIBLE = {SURGE: (0.002, 1.0), SWAY: (0.002, 1.0), YAW: (2e-5, 0.05)}
 #: Drift is looked at over so much time, in as many windows at least.
-WINDOW_S = 10.0
-FEWEST_WINDOWS = 10
+WINDOW_S = 5.0
+FEWEST_WINDOWS = 20
+#: Errors beyond so many robust standard deviations are jumps, of the ground truth for instance.
+JUMP_SIGMA = 5.0
 #: A config that is further off, by this factor, is warned of.
 FAR_OFF = 4.0
 
@@ -94,6 +96,12 @@ def _from_ground_truth(facts: Facts) -> dict[str, float]:
     if len(stamps_s) <= FEWEST_WINDOWS:
         return {}
     errors = relative_motion(facts.odometry, stamps_s) - relative_motion(truth, stamps_s)
+    return _plausible(dict(zip(NAMES, _spread(errors) / np.sqrt(WINDOW_S))))
+
+
+def _spread(errors: np.ndarray) -> np.ndarray:
+    """RMS of each row of errors [3, N], without jumps; constant drift is in it."""
     # 1.4826: from the median absolute deviation to a Gaussian's standard deviation
-    spread = 1.4826 * np.median(np.abs(errors), axis=1) / np.sqrt(WINDOW_S)
-    return _plausible(dict(zip(NAMES, spread)))
+    robust = 1.4826 * np.median(np.abs(errors), axis=1, keepdims=True)
+    usual = np.abs(errors) <= JUMP_SIGMA * robust
+    return np.sqrt((errors**2 * usual).sum(axis=1) / np.maximum(usual.sum(axis=1), 1))

@@ -29,7 +29,6 @@ _EXPLANATIONS = {
         "the sonar had no bottom, or ranges lie outside of pings/min_range_m .. max_range_m",
         "nothing, before the dive; else widen these bounds",
     ),
-    "no_mount": ("no transform leads to the pings' frame", "see the finding mount"),
     "no_odometry": (
         "pings before the first or after the last odometry, or from another clock",
         "nothing, if few; else see the findings ping_clock and odometry_clock",
@@ -46,6 +45,8 @@ def refusal_findings(facts: Facts) -> list[Finding]:
     }
     found = []
     for name, refused in facts.refused.items():
+        if name in _told_elsewhere(facts):
+            continue
         kind, reason = name.split("/")
         topic, accepted = kinds[kind]
         cause, fix = _EXPLANATIONS.get(reason, ("", ""))
@@ -60,6 +61,16 @@ def refusal_findings(facts: Facts) -> list[Finding]:
             )
         )
     return found
+
+
+def _told_elsewhere(facts: Facts) -> set[str]:
+    """What follows from something that has a finding of its own."""
+    told = {"pings/no_mount"}  # mount
+    if not len(facts.odometry["stamp_s"]):
+        told |= {"pings/no_odometry"}
+        if not facts.chosen.odometry.child_frame:
+            told |= {"odometry/wrong_frame"}  # odometry_frames
+    return told
 
 
 def _messages(topic: Topic | None) -> int:

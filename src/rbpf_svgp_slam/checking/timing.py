@@ -60,7 +60,7 @@ def _odometry_gaps(facts: Facts) -> Finding:
     return Finding(
         "odometry_gaps",
         WARNING,
-        f"{len(gaps)} gaps; {value}",
+        f"{len(gaps)} longer ones; {value}",
         expected,
         "the recording was paused, the navigation restarted, or messages were lost",
         "if the vehicle was moved meanwhile, cut the bag there: rosbag filter",
@@ -90,7 +90,7 @@ def _clock(name: str, table: Table) -> list[Finding]:
     usual_s, most_s = float(np.median(ahead_s)), float(ahead_s.max())
     expected = f"from {MOST_BEHIND_S:g} s before to {MOST_AHEAD_S:g} s after its recording"
     if -usual_s <= MOST_BEHIND_S and most_s <= MOST_AHEAD_S:
-        value = f"stamps {-usual_s:.2f} s before their recording (median)"
+        value = f"stamps {max(0.0, -usual_s):.2f} s before their recording (median)"
         return [Finding(f"{name}_clock", OK, value, expected)]
     ahead = usual_s > 0
     return [
