@@ -20,6 +20,7 @@ struct FilterParams {
   // Standard deviation of the start, x and y alike.
   double start_position_std_m = 0.0;
   double start_yaw_std_rad = 0.0;
+  OdometryParams odometry;
   MotionNoise motion;
   PingFilterParams pings;
   // Pings that may wait for odometry at or after their stamps.

@@ -10,6 +10,8 @@
 #include "rbpf_core/append_only.hpp"
 #include "rbpf_core/filter_params.hpp"
 #include "rbpf_core/mbes_log.hpp"
+#include "rbpf_core/odometry_use.hpp"
+#include "rbpf_core/refusal.hpp"
 #include "rbpf_core/trajectory_history.hpp"
 
 namespace rbpf_core {
@@ -108,6 +110,10 @@ class FilterSnapshot {
   std::size_t beamsReleased() const { return beams_released_; }
   std::size_t beamsHeldOut() const { return beams_held_out_; }
   Counters counters() const { return counters_; }
+  // Everything that the filter has refused, also pings that waited in it; good for as long as the
+  // snapshot.
+  const RefusalCounts& refused() const { return *refused_; }
+  const OdometryUse& odometryUse() const { return odometry_use_; }
 
  private:
   friend class ParticleFilter;
@@ -128,6 +134,8 @@ class FilterSnapshot {
   std::size_t beams_released_ = 0;
   std::size_t beams_held_out_ = 0;
   Counters counters_;
+  std::shared_ptr<const RefusalCounts> refused_;
+  OdometryUse odometry_use_;
 };
 
 // Mean and spread of weighted poses; the yaw's mean is taken on the circle.

@@ -27,7 +27,7 @@ StepResult LoopClosing::step() {
   // Algorithm 2: prompt, at the rate f_LC, once all maps are ready.
   if (!isDue()) return {StepOutcome::kNotDue};
   const PlacedPing ping = filter_.snapshot().latestPing().value();
-  last_prompt_s_ = ping.stamp_s;
+  last_prompt_s_ = surveySecondsOf(ping.stamp_s);
   if (const std::string why = whyNotReady(); !why.empty()) {
     skip(why);
     return {StepOutcome::kNotReady};
@@ -53,7 +53,12 @@ StepResult LoopClosing::step() {
 
 bool LoopClosing::isDue() const {
   const auto stamp_s = filter_.snapshot().latestPingStamp();
-  return stamp_s && params_.rate_hz > 0.0 && *stamp_s - last_prompt_s_ >= 1.0 / params_.rate_hz;
+  return stamp_s && params_.rate_hz > 0.0 &&
+         surveySecondsOf(*stamp_s) - last_prompt_s_ >= 1.0 / params_.rate_hz;
+}
+
+double LoopClosing::surveySecondsOf(double stamp_s) const {
+  return stamp_s - filter_.snapshot().odometryUse().unsurveyedSeconds(stamp_s);
 }
 
 std::string LoopClosing::whyNotReady() const {

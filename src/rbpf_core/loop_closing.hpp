@@ -67,8 +67,9 @@ class LoopClosing {
  public:
   LoopClosing(ParticleFilter& filter, Maps& maps, LoopClosingParams params);
 
-  // Algorithm 2, if the latest ping is at least 1/rate younger than the last prompt's. Waits for
-  // the maps, never for the filter. To be called as often as you like.
+  // Algorithm 2, if the latest ping is at least 1/rate younger than the last prompt's, gaps in the
+  // odometry not counted. Waits for the maps, never for the filter. To be called as often as you
+  // like.
   StepResult step();
   bool isDue() const;
 
@@ -91,6 +92,8 @@ class LoopClosing {
   LoopClosingStatistics statistics() const;
 
  private:
+  // A stamp on a clock that stands still in gaps.
+  double surveySecondsOf(double stamp_s) const;
   std::string whyNotReady() const;
   StepResult commit(std::uint32_t epoch);
   StepResult rollBack(std::uint32_t epoch, const std::string& why);
@@ -103,6 +106,7 @@ class LoopClosing {
   const LoopClosingParams params_;
   std::atomic<std::uint32_t> epoch_{0};
   std::atomic<bool> resampling_{false};
+  // Survey seconds of the last prompt's ping.
   double last_prompt_s_ = -std::numeric_limits<double>::infinity();
   mutable std::mutex mutex_;  // guards statistics_
   LoopClosingStatistics statistics_;

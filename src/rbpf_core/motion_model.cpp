@@ -25,7 +25,29 @@ LevelledTwist level(const Odometry& odometry) {
   return {levelRotation(roll, pitch) * odometry.linear_mps, yaw_rate};
 }
 
+double durationBetween(const Odometry& from, const Odometry& to) {
+  const double duration_s = to.stamp_s - from.stamp_s;
+  if (!(duration_s > 0.0)) {
+    throw std::invalid_argument("odometry of stamp " + std::to_string(to.stamp_s) +
+                                " s: expected a stamp later than the one before, " +
+                                std::to_string(from.stamp_s) + " s");
+  }
+  return duration_s;
+}
+
 }  // namespace
+
+bool isTwistEmpty(const Odometry& odometry) {
+  return (odometry.linear_mps.array() == 0.0).all() &&
+         (odometry.angular_radps.array() == 0.0).all();
+}
+
+MotionSource motionSource(const Odometry& from, const Odometry& to, const OdometryParams& params) {
+  if (to.stamp_s - from.stamp_s > params.max_bridge_s) return MotionSource::kPoseOverLongGap;
+  if (params.velocity == Velocity::kPose) return MotionSource::kPose;
+  const bool empty = isTwistEmpty(from) && isTwistEmpty(to);
+  return params.velocity == Velocity::kAuto && empty ? MotionSource::kPose : MotionSource::kTwist;
+}
 
 Eigen::Matrix3d levelRotation(double roll_rad, double pitch_rad) {
   return (Eigen::AngleAxisd(pitch_rad, Eigen::Vector3d::UnitY()) *
@@ -34,17 +56,23 @@ Eigen::Matrix3d levelRotation(double roll_rad, double pitch_rad) {
 }
 
 MotionIncrement motionBetween(const Odometry& from, const Odometry& to) {
-  const double duration_s = to.stamp_s - from.stamp_s;
-  if (!(duration_s > 0.0)) {
-    throw std::invalid_argument("odometry of stamp " + std::to_string(to.stamp_s) +
-                                " s: expected a stamp later than the one before, " +
-                                std::to_string(from.stamp_s) + " s");
-  }
+  const double duration_s = durationBetween(from, to);
   const LevelledTwist a = level(from);
   const LevelledTwist b = level(to);
   const Eigen::Vector3d mean_mps = 0.5 * (a.linear_mps + b.linear_mps);
   return {duration_s, mean_mps.x() * duration_s, mean_mps.y() * duration_s,
           0.5 * (a.yaw_rate_radps + b.yaw_rate_radps) * duration_s};
+}
+
+MotionIncrement motionOfPoses(const Odometry& from, const Odometry& to) {
+  const double duration_s = durationBetween(from, to);
+  const double yaw = wrapAngle(to.pose.yaw_rad - from.pose.yaw_rad);
+  // seen from halfway through the turn, which is how advance() lays it
+  const double c = std::cos(from.pose.yaw_rad + 0.5 * yaw);
+  const double s = std::sin(from.pose.yaw_rad + 0.5 * yaw);
+  const double dx = to.pose.x_m - from.pose.x_m;
+  const double dy = to.pose.y_m - from.pose.y_m;
+  return {duration_s, c * dx + s * dy, -s * dx + c * dy, yaw};
 }
 
 Pose2 advance(const Pose2& pose, const MotionIncrement& motion) {

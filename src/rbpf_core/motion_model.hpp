@@ -17,7 +17,31 @@ struct MotionNoise {
   double yaw_std_rad = 0.001;
 };
 
-// What the odometry says of one interval, in the levelled body frame at its start.
+// Which of the odometry's two accounts of the motion is used.
+enum class Velocity {
+  kTwist,
+  kPose,
+  // The twist, but the pose where the twist is empty.
+  kAuto,
+};
+
+// Defaults are those of config/default.yaml.
+struct OdometryParams {
+  Velocity velocity = Velocity::kAuto;
+  // A longer interval between two messages is a gap.
+  double gap_s = 2.0;
+  // A twist is not carried on for longer than this.
+  double max_bridge_s = 10.0;
+};
+
+// Where the motion over one interval is taken from.
+enum class MotionSource { kTwist, kPose, kPoseOverLongGap };
+MotionSource motionSource(const Odometry& from, const Odometry& to, const OdometryParams& params);
+
+// All six numbers are exactly zero: what drivers write that only know the pose.
+bool isTwistEmpty(const Odometry& odometry);
+
+// What the odometry says of one interval, in the levelled body frame halfway through its turn.
 struct MotionIncrement {
   double duration_s = 0.0;
   double forward_m = 0.0;
@@ -32,6 +56,9 @@ Eigen::Matrix3d levelRotation(double roll_rad, double pitch_rad);
 // Euler integration over [from, to] of the mean of both messages' body twists, levelled with their
 // attitudes. Throws std::invalid_argument if `to` is not later than `from`.
 MotionIncrement motionBetween(const Odometry& from, const Odometry& to);
+
+// The same interval as the difference of both messages' poses; the yaw takes the shorter way round.
+MotionIncrement motionOfPoses(const Odometry& from, const Odometry& to);
 
 // The increment laid at the pose's end, without noise: dead reckoning. The heading halfway through
 // the interval is used, so that turns at a low odometry rate do not bend the track.

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <unordered_map>
 
+#include "rbpf_core/decimal.hpp"
+
 namespace rbpf_core {
 
 namespace {
@@ -37,34 +39,35 @@ std::shared_ptr<const Eigen::ArrayXd> uniformLogWeights(std::size_t particles) {
       Eigen::ArrayXd::Constant(static_cast<Eigen::Index>(particles), -std::log(J)));
 }
 
+std::string nameOf(const Ping& ping) { return "ping of stamp " + decimal(ping.stamp_s, 3) + " s"; }
+
 }  // namespace
 
 ParticleFilter::ParticleFilter(const FilterParams& params)
     : params_(params),
       motion_streams_(streamsFor(StreamPurpose::kMotion, params)),
       histories_(params.particles),
+      odometry_use_(params.odometry),
       minibatch_calls_(params.particles) {
   published_.params_ = &params_;
   published_.log_ = &log_;
   published_.minibatch_calls_ = &minibatch_calls_;
   published_.trajectories_ = histories_.trajectories();
   published_.log_weights_ = uniformLogWeights(params.particles);
+  published_.refused_ = refused_;
 }
 
 // ---- odometry: the particles move ----------------------------------------------------------
 
 void ParticleFilter::addOdometry(const Odometry& odometry) {
   const WriterLock lock(this);
-  try {
-    if (!isFinite(odometry)) {
-      throw std::invalid_argument("odometry of stamp " + std::to_string(odometry.stamp_s) +
-                                  " s holds a value that is not finite");
-    }
-    recent_.push_back(std::make_shared<const StampedParticles>(
-        recent_.empty() ? startAt(odometry) : propagate(*recent_.back(), odometry)));
-  } catch (const std::invalid_argument& error) {
-    ++counters_.odometry_rejected;
-    throw InputRefused(error.what());
+  expectUsable(odometry);
+  if (recent_.empty()) {
+    odometry_use_.start(odometry);
+    recent_.push_back(std::make_shared<const StampedParticles>(startAt(odometry)));
+  } else {
+    recent_.push_back(
+        std::make_shared<const StampedParticles>(propagate(*recent_.back(), odometry)));
   }
   ++counters_.odometry_messages;
   while (recent_.size() > 2 && recent_[1]->odometry.stamp_s < odometry.stamp_s - kRecent_s) {
@@ -72,6 +75,20 @@ void ParticleFilter::addOdometry(const Odometry& odometry) {
   }
   takeInWaiting();
   releaseHeldBack();
+}
+
+void ParticleFilter::expectUsable(const Odometry& odometry) {
+  const std::string name = "odometry of stamp " + decimal(odometry.stamp_s, 3) + " s";
+  if (!isFinite(odometry)) {
+    throw refuse(InputKind::kOdometry, Reason::kNotFinite,
+                 name + " holds a value that is not finite");
+  }
+  if (recent_.empty()) return;
+  const double last_s = recent_.back()->odometry.stamp_s;
+  if (odometry.stamp_s > last_s) return;
+  throw refuse(InputKind::kOdometry,
+               odometry.stamp_s == last_s ? Reason::kDuplicateStamp : Reason::kOutOfOrder,
+               name + ": expected a stamp later than the one before, " + decimal(last_s, 3) + " s");
 }
 
 StampedParticles ParticleFilter::startAt(const Odometry& odometry) const {
@@ -90,7 +107,11 @@ StampedParticles ParticleFilter::startAt(const Odometry& odometry) const {
 }
 
 StampedParticles ParticleFilter::propagate(const StampedParticles& from, const Odometry& odometry) {
-  const MotionIncrement motion = motionBetween(from.odometry, odometry);
+  const MotionSource source = motionSource(from.odometry, odometry, params_.odometry);
+  const MotionIncrement motion = source == MotionSource::kTwist
+                                     ? motionBetween(from.odometry, odometry)
+                                     : motionOfPoses(from.odometry, odometry);
+  odometry_use_.add(from.odometry, odometry, source);
   StampedParticles to{odometry, advance(from.dead_reckoning, motion), from.poses};
   for (std::size_t j = 0; j < to.poses.size(); ++j) {
     to.poses[j] = advanceNoisily(from.poses[j], motion, params_.motion, motion_streams_[j]);
@@ -103,24 +124,21 @@ StampedParticles ParticleFilter::propagate(const StampedParticles& from, const O
 void ParticleFilter::addPing(Ping ping) {
   const WriterLock lock(this);
   if (!std::isfinite(ping.stamp_s)) {
-    ++counters_.pings_rejected;
-    throw InputRefused("ping's stamp is not finite");
+    throw refuse(InputKind::kPing, Reason::kNotFinite, "ping's stamp is not finite");
   }
   if (!recent_.empty() && ping.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(ping);
   if (finished_) {
-    ++counters_.pings_dropped;
-    throw InputRefused("ping of stamp " + std::to_string(ping.stamp_s) +
-                       " s came after the survey's end");
+    throw refuse(InputKind::kPing, Reason::kSurveyOver,
+                 nameOf(ping) + " came after the survey's end");
   }
   const double stamp_s = ping.stamp_s;
   waiting_.emplace(stamp_s, std::move(ping));
   if (waiting_.size() <= params_.ping_queue) return;
-  const double oldest_s = waiting_.begin()->first;
+  const std::string oldest = nameOf(waiting_.begin()->second);
   waiting_.erase(waiting_.begin());
-  ++counters_.pings_dropped;
-  throw InputRefused("ping of stamp " + std::to_string(oldest_s) +
-                     " s dropped: " + std::to_string(params_.ping_queue) +
-                     " pings wait for odometry at or after their stamps");
+  throw refuse(InputKind::kPing, Reason::kQueueFull,
+               oldest + " dropped: " + std::to_string(params_.ping_queue) +
+                   " pings wait for odometry at or after their stamps");
 }
 
 void ParticleFilter::takeInWaiting() {
@@ -128,17 +146,40 @@ void ParticleFilter::takeInWaiting() {
   while (!waiting_.empty() && waiting_.begin()->first <= now_s) {
     try {
       takeIn(waiting_.begin()->second);
-    } catch (const InputRefused&) {
+    } catch (const Refusal&) {
       // it has been counted, and this caller has not brought it
     }
     waiting_.erase(waiting_.begin());
   }
 }
 
-StampedParticles ParticleFilter::particlesAt(double stamp_s) const {
-  const auto after = std::lower_bound(
+std::deque<StampedParticles::ConstPtr>::const_iterator ParticleFilter::firstNotBefore(
+    double stamp_s) const {
+  return std::lower_bound(
       recent_.begin(), recent_.end(), stamp_s,
       [](const auto& particles, double stamp) { return particles->odometry.stamp_s < stamp; });
+}
+
+void ParticleFilter::expectPoseAt(const Ping& ping) {
+  const double first_s = recent_.front()->odometry.stamp_s;
+  if (ping.stamp_s < first_s) {
+    throw refuse(InputKind::kPing, Reason::kNoOdometry,
+                 nameOf(ping) + " dropped: the odometry kept begins at " + decimal(first_s, 3) +
+                     " s. Do pings come late, or is the sonar's clock behind?");
+  }
+  const auto after = firstNotBefore(ping.stamp_s);
+  const double after_s = (*after)->odometry.stamp_s;
+  if (after_s == ping.stamp_s) return;
+  const double before_s = (*std::prev(after))->odometry.stamp_s;
+  if (after_s - before_s <= params_.odometry.max_bridge_s) return;
+  throw refuse(InputKind::kPing, Reason::kInGap,
+               nameOf(ping) + " dropped: there is no odometry from " + decimal(before_s, 3) +
+                   " to " + decimal(after_s, 3) + " s, and no pose is known for longer than " +
+                   decimal(params_.odometry.max_bridge_s, 1) + " s without");
+}
+
+StampedParticles ParticleFilter::particlesAt(double stamp_s) const {
+  const auto after = firstNotBefore(stamp_s);
   const StampedParticles& b = **after;
   if (b.odometry.stamp_s == stamp_s) return b;
   const StampedParticles& a = **std::prev(after);
@@ -154,20 +195,15 @@ StampedParticles ParticleFilter::particlesAt(double stamp_s) const {
 }
 
 void ParticleFilter::takeIn(const Ping& ping) {
-  if (ping.stamp_s < recent_.front()->odometry.stamp_s) {
-    ++counters_.pings_dropped;
-    throw InputRefused("ping of stamp " + std::to_string(ping.stamp_s) +
-                       " s dropped: the odometry kept begins at " +
-                       std::to_string(recent_.front()->odometry.stamp_s) + " s");
-  }
+  expectPoseAt(ping);
   const StampedParticles particles = particlesAt(ping.stamp_s);
   const Attitude& attitude = particles.odometry.attitude;
   const Beams beams = goodBeams(ping, attitude, params_.pings);
   counters_.beams_rejected += static_cast<std::uint64_t>(ping.beams_m.cols() - beams.cols());
   if (beams.cols() == 0) {
-    ++counters_.pings_rejected;
-    throw InputRefused("ping of stamp " + std::to_string(ping.stamp_s) + " s: none of its " +
-                       std::to_string(ping.beams_m.cols()) + " beams is finite and within range");
+    throw refuse(InputKind::kPing, Reason::kNoBeams,
+                 nameOf(ping) + ": none of its " + std::to_string(ping.beams_m.cols()) +
+                     " beams is finite and within range");
   }
   const bool held_out = isHeldOut(log_.pings.size());
   MbesLog& beam_log = held_out ? log_.held_out : log_.training;
@@ -198,7 +234,8 @@ void ParticleFilter::releaseHeldBack() {
 void ParticleFilter::finish() {
   const WriterLock lock(this);
   finished_ = true;
-  counters_.pings_dropped += waiting_.size();
+  refuse(InputKind::kPing, Reason::kNoOdometry, "the survey ended before odometry for a ping came",
+         waiting_.size());
   waiting_.clear();
   releaseHeldBack();
 }
@@ -247,6 +284,19 @@ void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
   lock.new_log_weights = std::move(weights);
 }
 
+// ---- what is refused -----------------------------------------------------------------------
+
+Refusal ParticleFilter::refuse(InputKind kind, Reason reason, const std::string& what,
+                               std::size_t messages) {
+  RefusalCounts counts = *refused_;
+  counts.add(kind, reason, what, messages);
+  counters_.odometry_rejected = counts.rejected(InputKind::kOdometry);
+  counters_.pings_rejected = counts.rejected(InputKind::kPing);
+  counters_.pings_dropped = counts.dropped(InputKind::kPing);
+  refused_ = std::make_shared<const RefusalCounts>(std::move(counts));
+  return Refusal(reason, what);
+}
+
 // ---- what readers see ----------------------------------------------------------------------
 
 void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_log_weights) {
@@ -260,6 +310,8 @@ void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_l
   published_.beams_released_ = released_beams_;
   published_.beams_held_out_ = log_.held_out.size();
   published_.counters_ = counters_;
+  published_.refused_ = refused_;
+  published_.odometry_use_ = odometry_use_;
 }
 
 FilterSnapshot ParticleFilter::snapshot() const {

@@ -5,7 +5,7 @@
 #include <deque>
 #include <map>
 #include <mutex>
-#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "rbpf_core/filter_params.hpp"
@@ -13,21 +13,15 @@
 
 namespace rbpf_core {
 
-// An odometry message or a ping that the filter cannot use, and why. It has been counted, and the
-// filter goes on as if it had not come.
-class InputRefused : public std::invalid_argument {
- public:
-  using std::invalid_argument::invalid_argument;
-};
-
 // One writer at a time changes the filter and then publishes a snapshot of it; readers see only
 // published snapshots, and hold no lock while they work on one. So taking in a ping waits for no
 // minibatch, prediction or publication, and of a resampling only for the exchange of pointers at
 // its end.
 //
 // Every member may be called from any thread. All of them report what they refuse by an exception
-// that names the value and what was expected: InputRefused for what comes from the vehicle,
-// std::invalid_argument for any other argument.
+// that names the value and what was expected: Refusal for an odometry message or a ping, which has
+// then been counted, and the filter goes on as if it had not come; std::invalid_argument for any
+// other argument.
 class ParticleFilter {
  public:
   explicit ParticleFilter(const FilterParams& params);
@@ -37,8 +31,8 @@ class ParticleFilter {
   void addOdometry(const Odometry& odometry);
 
   // Takes a ping in at once, or as soon as the odometry has passed its stamp. Refused: a ping
-  // without a good beam or from a time for which there is no odometry. If too many wait for
-  // odometry, it is the oldest of them that is dropped and named.
+  // without a good beam, from a time for which there is no odometry, or from within a long gap of
+  // it. If too many wait for odometry, it is the oldest of them that is dropped and named.
   void addPing(Ping ping);
 
   // Normalised, [J] finite values.
@@ -71,13 +65,18 @@ class ParticleFilter {
   };
 
   // All of these expect the writers' mutex to be held.
+  void expectUsable(const Odometry& odometry);
   StampedParticles startAt(const Odometry& odometry) const;
   StampedParticles propagate(const StampedParticles& from, const Odometry& odometry);
+  void expectPoseAt(const Ping& ping);
   StampedParticles particlesAt(double stamp_s) const;
+  std::deque<StampedParticles::ConstPtr>::const_iterator firstNotBefore(double stamp_s) const;
   void takeIn(const Ping& ping);
   void takeInWaiting();
   void releaseHeldBack();
   bool isHeldOut(std::size_t ping) const;
+  // Counts them; to be thrown if somebody has just brought one.
+  Refusal refuse(InputKind kind, Reason reason, const std::string& what, std::size_t messages = 1);
   void publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_log_weights);
 
   const FilterParams params_;
@@ -97,6 +96,9 @@ class ParticleFilter {
   std::size_t released_beams_ = 0;
   bool finished_ = false;
   Counters counters_;
+  // Replaced when it changes: snapshots hold it.
+  std::shared_ptr<const RefusalCounts> refused_ = std::make_shared<const RefusalCounts>();
+  OdometryUse odometry_use_;
 
   // Minibatches drawn so far for each particle. A minibatch's stream is a function of the seed, of
   // this number and, unless random numbers are common, of the particle.

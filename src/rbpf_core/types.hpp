@@ -27,7 +27,8 @@ struct Attitude {
 // One odometry message: the vehicle's own pose and its body twist.
 struct Odometry {
   double stamp_s = 0.0;
-  // In odom; only the first one is used, as the start.
+  // In odom. The first one is the start; the motion is taken from it where the twist cannot be
+  // used.
   Pose2 pose;
   Attitude attitude;
   // Surge, sway, heave, in base_link.

@@ -18,7 +18,8 @@ namespace {
 // By topic: its connections, one for each node that published.
 using Connections = std::map<std::string, std::vector<const rosbag::ConnectionInfo*>>;
 
-bool areTaken(const std::vector<const rosbag::ConnectionInfo*>& connections, InputKind kind) {
+bool areTaken(const std::vector<const rosbag::ConnectionInfo*>& connections,
+              rbpf_core::InputKind kind) {
   for (const rosbag::ConnectionInfo* connection : connections) {
     if (!expectedInsteadOf(kind, connection->datatype, connection->md5sum).empty()) return false;
   }
@@ -46,7 +47,7 @@ FramesOfMessage framesOf(const rosbag::MessageInstance& instance, bool is_odomet
       return {withoutSlash(odometry.header.frame_id), withoutSlash(odometry.child_frame_id)};
     }
     return {withoutSlash(deserialised<std_msgs::Header>(raw).frame_id), ""};
-  } catch (const Refusal&) {  // counted when all are read
+  } catch (const rbpf_core::Refusal&) {  // counted when all are read
     return {};
   }
 }
@@ -54,8 +55,8 @@ FramesOfMessage framesOf(const rosbag::MessageInstance& instance, bool is_odomet
 std::string describe(const rosbag::Bag& bag, const std::string& topic,
                      const std::vector<const rosbag::ConnectionInfo*>& connections) {
   rosbag::View view(bag, rosbag::TopicQuery(topic));
-  const bool is_odometry = areTaken(connections, InputKind::kOdometry);
-  const bool is_pings = areTaken(connections, InputKind::kPing);
+  const bool is_odometry = areTaken(connections, rbpf_core::InputKind::kOdometry);
+  const bool is_pings = areTaken(connections, rbpf_core::InputKind::kPing);
   const bool is_empty = view.size() == 0;
   FramesOfMessage frames;
   if (!is_empty && (is_odometry || is_pings)) frames = framesOf(*view.begin(), is_odometry);

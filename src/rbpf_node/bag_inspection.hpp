@@ -1,18 +1,15 @@
-// A whole bag read as the offline replay reads it, and what was found in it as tables.
+// A whole bag taken in as the offline replay takes it, and what was found in it as tables.
 #pragma once
 
 #include <rosbag/bag.h>
-#include <tf2/buffer_core.h>
+#include <tf2_ros/buffer.h>
 
-#include <cstdint>
-#include <deque>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "rbpf_core/types.hpp"
 #include "rbpf_node/inputs/message_types.hpp"
+#include "rbpf_node/intake.hpp"
 #include "rbpf_node/number_table.hpp"
 #include "rbpf_node/parameters.hpp"
 #include "rbpf_node/stamp_order.hpp"
@@ -28,16 +25,14 @@ class BagInspection {
   // Odometry messages that are not the filter's.
   void readGroundTruth(const rosbag::Bag& bag, const std::string& topic);
 
-  // facts.json and the tables odometry.npy, pings.npy, beams.npy and ground_truth.npy, whose
-  // columns it names, in an existing folder. Throws std::runtime_error if that is not possible.
+  // facts.json, which names the columns of the tables, and the tables themselves: odometry.npy,
+  // pings.npy (as they came), placed.npy (those that the filter has taken in), beams.npy (a sample
+  // of theirs) and ground_truth.npy. In an existing folder; throws std::runtime_error if that is
+  // not possible.
   void write(const std::string& folder) const;
 
  private:
-  struct Ping {
-    PingInput input;
-    double record_s;
-  };
-  // What the beams of a ping are as they came.
+  // The ranges of a ping as it came.
   struct Ranges {
     double finite = 0.0;
     double within = 0.0;
@@ -47,32 +42,30 @@ class BagInspection {
   void takeIn(const StampedMessage& message);
   void takeOdometry(const RawMessage& raw, double record_s);
   void takePing(const RawMessage& raw, double record_s);
-  void takeWaiting();
-  std::vector<double> rowOf(const Ping& ping);
-  void tabulate(const Ping& ping);
-  void place(const Ping& ping, const Eigen::Isometry3d& T_base_sensor, std::vector<double>* row);
-  std::optional<Eigen::Isometry3d> mountOf(const std::string& frame) const;
+  void tabulatePlaced();
+  void sampleBeams(const rbpf_core::SurveyPing& ping, const rbpf_core::Pose2& pose);
   Ranges rangesOf(const rbpf_core::Beams& beams_m) const;
-  void sampleBeams(double ping, const rbpf_core::Beams& levelled_m, const rbpf_core::Pose2& pose);
   double frameNumber(const std::string& frame);
   std::string mounts() const;
   std::string refusals() const;
+  std::string findings() const;
 
   const Parameters params_;
-  tf2::BufferCore transforms_;
-  // Parent and child.
+  tf2_ros::Buffer transforms_;
+  // one particle, which follows dead reckoning
+  rbpf_core::ParticleFilter filter_;
+  Intake intake_;
+  // [parent, child] of each transform
   std::vector<std::string> links_;
-  RefusalCounts refused_;
   std::vector<std::string> frames_;
-  // Pings until the odometry after them has come.
-  std::deque<Ping> waiting_;
   std::optional<rbpf_core::Odometry> before_;
   std::optional<rbpf_core::Odometry> last_;
-  // Every so many pings the beams are looked at one by one.
+  // of so many pings that are taken in, the beams of one are looked at
   std::size_t sample_every_ = 1;
 
   NumberTable odometry_;
   NumberTable pings_;
+  NumberTable placed_;
   NumberTable beams_;
   NumberTable ground_truth_;
 };

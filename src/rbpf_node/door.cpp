@@ -4,13 +4,14 @@
 
 namespace rbpf_node {
 
-void Door::takeIn(InputKind kind, const RawMessage& message) {
+void Door::takeIn(rbpf_core::InputKind kind, const RawMessage& message, double receipt_s) {
   try {
-    std::visit([this](auto&& input) { slam_.handle(std::move(input)); }, readInput(kind, message));
-  } catch (const Refusal& refusal) {
-    slam_.refuse(kind, refusal.reason(), refusal.what());
+    std::visit([&](auto&& input) { slam_.handle(std::move(input), receipt_s); },
+               readInput(kind, message));
+  } catch (const rbpf_core::Refusal& refusal) {
+    slam_.intake().refuse(kind, refusal.reason(), refusal.what());
   } catch (const std::exception& error) {
-    slam_.refuse(kind, Reason::kMalformed, error.what());
+    slam_.intake().refuse(kind, rbpf_core::Reason::kMalformed, error.what());
   }
 }
 

@@ -11,8 +11,8 @@ class Door {
   explicit Door(SlamNode* slam) : slam_(*slam) {}
 
   // Hands on what a message of a topic says. One that is not what it should be is refused: the node
-  // counts it and says why.
-  void takeIn(InputKind kind, const RawMessage& message);
+  // counts it and says why. receipt_s: when it came, or was recorded.
+  void takeIn(rbpf_core::InputKind kind, const RawMessage& message, double receipt_s);
 
  private:
   SlamNode& slam_;

@@ -16,11 +16,11 @@ namespace {
 constexpr std::uint32_t kInputQueue = 10000;
 
 // Messages of any type: the door knows which are understood.
-ros::Subscriber subscribe(ros::NodeHandle node, const std::string& topic, rbpf_node::InputKind kind,
+ros::Subscriber subscribe(ros::NodeHandle node, const std::string& topic, rbpf_core::InputKind kind,
                           rbpf_node::Door* door) {
   return node.subscribe<topic_tools::ShapeShifter>(
       topic, kInputQueue, [kind, door](const topic_tools::ShapeShifter::ConstPtr& message) {
-        door->takeIn(kind, rbpf_node::rawMessage(*message));
+        door->takeIn(kind, rbpf_node::rawMessage(*message), ros::Time::now().toSec());
       });
 }
 
@@ -37,8 +37,8 @@ int main(int argc, char** argv) {
     const tf2_ros::TransformListener listener(slam.transforms());
     rbpf_node::Door door(&slam);
     ros::NodeHandle& input = spinning.inputNode();
-    const auto odometry = subscribe(input, "odom", rbpf_node::InputKind::kOdometry, &door);
-    const auto pings = subscribe(input, "mbes/pings", rbpf_node::InputKind::kPing, &door);
+    const auto odometry = subscribe(input, "odom", rbpf_core::InputKind::kOdometry, &door);
+    const auto pings = subscribe(input, "mbes/pings", rbpf_core::InputKind::kPing, &door);
     slam.maps().listen();
     // a map node asks for minibatches and for blocks of beams; one more for who exports the survey
     spinning.start(2 * params.nodes + 1);

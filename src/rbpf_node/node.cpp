@@ -1,7 +1,6 @@
 #include "rbpf_node/node.hpp"
 
 #include <sys/resource.h>
-#include <tf2_eigen/tf2_eigen.h>
 
 #include <utility>
 
@@ -11,7 +10,6 @@ namespace rbpf_node {
 
 namespace {
 
-constexpr double kWarningPeriod_s = 5.0;
 constexpr double kPromptErrorPeriod_s = 10.0;
 constexpr double kInputStale_s = 5.0;
 
@@ -31,17 +29,17 @@ rbpf_core::LoopClosingParams loopClosingParams(const Parameters& params) {
 SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
                    Input input)
     : params_(params),
-      input_(input),
       filter_(params.filter),
       maps_(node, params),
       loop_closing_(filter_, maps_, loopClosingParams(params)),
       services_(private_node, filter_, loop_closing_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()),
-      unmounted_(params.filter.ping_queue) {
+      intake_(params, input, transforms_, &filter_) {
   finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
   diagnostics_.setHardwareID("none");
   diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
+  diagnostics_.add("survey", [this](auto& report) { diagnoseSurvey(report); });
   diagnostics_.add("filter", [this](auto& report) { diagnoseFilter(report); });
   diagnostics_.add("maps", [this](auto& report) { diagnoseMaps(report); });
   // wall time: the rate means what it says when a bag is replayed faster or slower
@@ -51,142 +49,19 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
 
 // ---- input ---------------------------------------------------------------------------------
 
-void SlamNode::handle(const OdometryInput& input) {
-  const rbpf_core::Odometry odometry = toOdometry(input, params_.frames);
-  {
-    const std::lock_guard lock(mutex_);
-    expectLaterThanLast(input.stamp);
-    filter_.addOdometry(odometry);
-    notePingsLost(Reason::kNoOdometry, "a ping is older than all odometry",
-                  "no beam of a ping is finite and within range");
-    if (!last_odometry_.isZero() &&
-        (input.stamp - last_odometry_).toSec() > params_.odometry_gap_s) {
-      ROS_WARN("Odometry has a gap of %.2f s before %.3f s; bridged with the mean twist.",
-               (input.stamp - last_odometry_).toSec(), input.stamp.toSec());
-    }
-    last_odometry_ = input.stamp;
-    notePingAges();
-  }
-  publishers_.publishPose(input.stamp);
+void SlamNode::handle(const OdometryInput& input, double receipt_s) {
+  intake_.take(input, receipt_s);
+  publishers_.publishPose(input.stamp, input.frame);
 }
 
-void SlamNode::expectLaterThanLast(const ros::Time& stamp) const {
-  // as the filter sees them: in seconds of limited resolution
-  const double stamp_s = stamp.toSec();
-  const double last_s = last_odometry_.toSec();
-  if (last_odometry_.isZero() || stamp_s > last_s) return;
-  throw Refusal(stamp_s == last_s ? Reason::kDuplicateStamp : Reason::kOutOfOrder,
-                "odometry's stamp is " + std::to_string(stamp_s) + " s, expected later than " +
-                    std::to_string(last_s) + " s, the last one's");
-}
-
-void SlamNode::handle(PingInput input) {
+void SlamNode::handle(PingInput input, double receipt_s) {
   const ros::Time stamp = input.stamp;
-  {
-    const std::lock_guard lock(mutex_);
-    takeInMounted();  // older ones first
-    if (const auto T_base_sensor = mountOf(input.frame)) {
-      takeIn(input, *T_base_sensor);
-    } else if (const auto oldest = unmounted_.push(std::move(input))) {
-      dropUnmounted(*oldest);
-    }
-    notePingAges();
-  }
+  intake_.take(std::move(input), receipt_s);
   publishers_.publishPing(stamp);
 }
 
-void SlamNode::refuse(InputKind kind, Reason reason, const std::string& what) {
-  const std::lock_guard lock(mutex_);
-  note(kind, reason, what);
-}
-
-void SlamNode::refuse(const RefusalCounts& refused) {
-  const std::lock_guard lock(mutex_);
-  refused_.add(refused);
-}
-
-void SlamNode::note(InputKind kind, Reason reason, const std::string& what,
-                    std::uint64_t messages) {
-  if (messages == 0) return;
-  const std::string name = nameOf(kind, reason);
-  if (refused_.add(kind, reason, what, messages)) {
-    ROS_WARN("First %s: %s", name.c_str(), what.c_str());
-  } else {
-    ROS_WARN_THROTTLE(kWarningPeriod_s, "%s: %s", name.c_str(), what.c_str());
-  }
-}
-
-// The filter counts pings that it does not take in, those that waited in it as well, but not why.
-void SlamNode::notePingsLost(Reason dropped, const std::string& what_dropped,
-                             const std::string& what_rejected) {
-  const rbpf_core::Counters now = filter_.snapshot().counters();
-  note(InputKind::kPing, dropped, what_dropped, now.pings_dropped - noted_.pings_dropped);
-  note(InputKind::kPing, Reason::kNoBeams, what_rejected,
-       now.pings_rejected - noted_.pings_rejected);
-  noted_ = now;
-}
-
-std::optional<Eigen::Isometry3d> SlamNode::mountOf(const std::string& frame) const {
-  const std::string& base = params_.frames.base;
-  // tf2 knows no frame of which nobody has told it
-  if (frame == base) return Eigen::Isometry3d::Identity();
-  try {
-    return tf2::transformToEigen(transforms_.lookupTransform(base, frame, ros::Time(0)));
-  } catch (const tf2::TransformException& error) {
-    ROS_WARN_THROTTLE(kWarningPeriod_s, "Pings wait for the mount of '%s' on '%s': %s",
-                      frame.c_str(), base.c_str(), error.what());
-    return std::nullopt;
-  }
-}
-
-void SlamNode::takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor) {
-  std::string problem;
-  try {
-    filter_.addPing(toPing(ping, T_base_sensor));
-  } catch (const rbpf_core::InputRefused& refused) {  // the filter has counted it
-    problem = refused.what();
-  }
-  const bool has_odometry = ping.stamp.toSec() <= last_odometry_.toSec();
-  // one that may wait is lost only if too many do, or if there is nothing to wait for
-  const Reason waiting = finished_ ? Reason::kSurveyOver : Reason::kQueueFull;
-  notePingsLost(has_odometry ? Reason::kNoOdometry : waiting, problem, problem);
-}
-
-void SlamNode::takeInMounted() {
-  for (const std::string& frame : unmounted_.frames()) {
-    const auto T_base_sensor = mountOf(frame);
-    if (!T_base_sensor) continue;
-    for (const PingInput& ping : unmounted_.take(frame)) takeIn(ping, *T_base_sensor);
-  }
-}
-
-void SlamNode::dropUnmounted(const PingInput& ping) {
-  note(InputKind::kPing, Reason::kNoMount,
-       "ping of stamp " + std::to_string(ping.stamp.toSec()) + " s dropped: no transform from '" +
-           ping.frame + "' to '" + params_.frames.base + "' has come");
-}
-
-void SlamNode::notePingAges() {
-  if (input_ == Input::kBag) return;
-  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
-  for (; pings_noted_ < filter.pings(); ++pings_noted_) {
-    ages_.add(ros::Time::now().toSec() - filter.record(pings_noted_).stamp_s);
-  }
-}
-
-void SlamNode::finish() {
-  const std::lock_guard lock(mutex_);
-  takeInMounted();
-  for (const std::string& frame : unmounted_.frames()) {
-    for (const PingInput& ping : unmounted_.take(frame)) dropUnmounted(ping);
-  }
-  filter_.finish();
-  finished_ = true;
-  notePingsLost(Reason::kNoOdometry, "the survey ended before odometry for a ping came", "");
-}
-
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  finish();
+  intake_.finish();
   response.success = true;
   const rbpf_core::FilterSnapshot filter = filter_.snapshot();
   response.message =
@@ -236,18 +111,24 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
   status->beams = filter.beams();
   status->beams_held_out = filter.beamsHeldOut();
   status->beams_rejected = filter.counters().beams_rejected;
-  const std::lock_guard lock(mutex_);
-  status->header.stamp = last_odometry_;
-  status->pings_waiting = unmounted_.size() + filter.pingsWaiting();
-  status->pings_dropped = refused_.dropped(InputKind::kPing);
-  status->pings_rejected = refused_.rejected(InputKind::kPing);
-  for (const auto& [what, count] : refused_.counts()) {
+  const IntakeState intake = intake_.state();
+  status->header.stamp = intake.last_odometry;
+  status->pings_waiting = intake.pings_without_mount + filter.pingsWaiting();
+  status->pings_dropped = intake.refused.dropped(rbpf_core::InputKind::kPing);
+  status->pings_rejected = intake.refused.rejected(rbpf_core::InputKind::kPing);
+  for (const auto& [what, count] : intake.refused.counts()) {
     status->refusal_reasons.push_back(nameOf(what.first, what.second));
     status->refusal_counts.push_back(count.messages);
     status->refusal_examples.push_back(count.example);
   }
-  status->ping_age_p99_s = ages_.quantile(0.99);
-  status->ping_age_max_s = ages_.quantile(1.0);
+  for (const rbpf_core::Finding& finding : intake.findings) {
+    status->findings.push_back(finding.name + ": " + finding.text);
+  }
+  const rbpf_core::OdometryUse& use = filter.odometryUse();
+  status->velocity_source = use.source() == rbpf_core::MotionSource::kTwist ? "twist" : "pose";
+  status->odometry_gaps = use.gaps();
+  status->ping_age_p99_s = intake.ping_age_p99_s;
+  status->ping_age_max_s = intake.ping_age_max_s;
 }
 
 void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
@@ -271,11 +152,7 @@ void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
 }
 
 void SlamNode::publishOverview() {
-  {
-    const std::lock_guard lock(mutex_);
-    takeInMounted();  // in case a mount has come since the last ping
-    notePingAges();
-  }
+  intake_.retryUnmounted();  // in case a mount has come since the last ping
   const rbpf_svgp_slam::FilterStatus now = status();
   publishers_.publishStatus(now);
   if (now.odometry_messages > 0) publishers_.publishOverview(now.header.stamp);
@@ -287,7 +164,7 @@ void SlamNode::publishOverview() {
 void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const {
   using diagnostic_msgs::DiagnosticStatus;
   const rbpf_svgp_slam::FilterStatus now = status();
-  const double age_s = (ros::Time::now() - now.header.stamp).toSec();
+  const double age_s = ros::Time::now().toSec() - now.header.stamp.toSec();
   if (now.odometry_messages == 0) {
     report.summary(DiagnosticStatus::WARN, "no odometry yet");
   } else if (age_s > kInputStale_s) {
@@ -309,6 +186,16 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("ping age, 99th percentile (s)", now.ping_age_p99_s);
   report.add("beams", now.beams);
   report.add("beams rejected", now.beams_rejected);
+}
+
+void SlamNode::diagnoseSurvey(diagnostic_updater::DiagnosticStatusWrapper& report) const {
+  using diagnostic_msgs::DiagnosticStatus;
+  report.summary(DiagnosticStatus::OK, "nothing is wrong with the survey as a whole");
+  for (const rbpf_core::Finding& finding : intake_.state().findings) {
+    const bool is_error = finding.severity == rbpf_core::Severity::kError;
+    report.mergeSummary(is_error ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN, finding.name);
+    report.add(finding.name, finding.text);
+  }
 }
 
 void SlamNode::diagnoseFilter(diagnostic_updater::DiagnosticStatusWrapper& report) const {

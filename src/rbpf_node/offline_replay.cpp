@@ -38,27 +38,58 @@ double OfflineReplay::run(const OfflineParameters& offline) {
   const OfflineTopics topics = openBag(offline.bag, offline.topics, &bag);
   if (mapping()) awaitNodes(0.0);
   progress_.start();
-  const StampOrder order = inStampOrder(bag, topics);
-  slam_.refuse(order.refused);
+  const StampOrder order = inStampOrder(bag, topics, params_.gate.clock);
+  expectTwistThatAgrees(order);
+  slam_.intake().setClockOffset(order.clock_offset_s);
+  slam_.intake().refuse(order.refused);
   for (const auto& mount : mountsIn(bag, params_.frames, order.ping_frames)) {
     slam_.transforms().setTransform(mount, offline.bag, true);
   }
-  const ros::Time begin = order.messages.front().stamp;
-  const double duration_s = (order.messages.back().stamp - begin).toSec();
+  const double duration_s = order.end_s - order.begin_s;
   progress_.setDuration(duration_s);
+  double survey_s = 0.0;
   for (const StampedMessage& message : order.messages) {
     if (ros::isShuttingDown()) throw std::runtime_error("interrupted");
-    const double survey_s = (message.stamp - begin).toSec();
-    door_.takeIn(message.kind, rawMessage(message.instance));
+    door_.takeIn(message.kind, rawMessage(message.instance), message.instance.getTime().toSec());
+    survey_s = std::max(survey_s, surveyTime(message.stamp.toSec() - order.begin_s, order.begin_s));
     trainUpTo(survey_s);
     slam_.closeLoops();
     progress_.update(survey_s, [this] { return counts(); });
   }
-  slam_.finish();
+  slam_.intake().finish();
   const double wall_s = progress_.end(counts() + ", " + std::to_string(order.refused.total()) +
                                       " messages unreadable");
-  trainFinally(duration_s);
+  trainFinally(survey_s);
   return wall_s;
+}
+
+// A twist that contradicts the pose would lead the whole survey astray, and is known beforehand.
+void OfflineReplay::expectTwistThatAgrees(const StampOrder& order) const {
+  rbpf_core::InputGate gate(params_.gate, order.clock_offset_s);
+  std::vector<rbpf_core::Odometry> odometry;
+  for (const StampedMessage& message : order.messages) {
+    if (message.kind != rbpf_core::InputKind::kOdometry) continue;
+    try {
+      const AnyInput input = readInput(message.kind, rawMessage(message.instance));
+      const rbpf_core::Odometry one = toOdometry(std::get<OdometryInput>(input), params_.frames);
+      const auto refusal = gate.check(one, message.instance.getTime().toSec());
+      // rates in degrees are refused in every turn, which is where they show
+      if (!refusal || refusal->reason() == rbpf_core::Reason::kImplausibleTwist) {
+        odometry.push_back(one);
+      }
+    } catch (const std::exception&) {  // it will be refused, and counted, when it is taken in
+    }
+  }
+  const auto finding = rbpf_core::twistAgainstPose(odometry, params_.filter.odometry.velocity);
+  if (finding && finding->severity == rbpf_core::Severity::kError) {
+    throw std::runtime_error(finding->name + ": " + finding->text);
+  }
+}
+
+// Of a stamp, since the survey's begin, without gaps; what is refused takes no time.
+double OfflineReplay::surveyTime(double since_begin_s, double begin_s) const {
+  const rbpf_core::FilterSnapshot filter = slam_.filter().snapshot();
+  return since_begin_s - filter.odometryUse().unsurveyedSeconds(begin_s + since_begin_s);
 }
 
 void OfflineReplay::trainFinally(double duration_s) {

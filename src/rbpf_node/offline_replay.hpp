@@ -36,6 +36,8 @@ class OfflineReplay {
 
  private:
   bool mapping() const { return params_.offline_steps_per_second > 0.0; }
+  void expectTwistThatAgrees(const StampOrder& order) const;
+  double surveyTime(double since_begin_s, double begin_s) const;
   void trainFinally(double duration_s);
   void trainUpTo(double survey_s);
   void awaitNodes(double survey_s);

@@ -1,26 +1,57 @@
 #include "rbpf_node/parameters.hpp"
 
-#include <algorithm>
-
 #include "rbpf_node/parameter_reader.hpp"
 
 namespace rbpf_node {
 
 namespace {
 
-// Centre of the survey area's bounding box: coordinates on the wire count from here.
-rbpf_core::Origin surveyOrigin(ParameterReader& reader) {
-  const auto area = reader.points("survey_area");
+std::vector<Eigen::Vector2d> surveyArea(ParameterReader& reader) {
+  std::vector<Eigen::Vector2d> area;
+  for (const auto& [x, y] : reader.points("survey_area")) area.emplace_back(x, y);
   if (area.size() < 3) {
     ParameterReader::fail(
         "survey_area", "a list of " + std::to_string(area.size()) + " points",
         "a polygon [[x, y], ...] in map, m, of at least 3 points: the seabed to be mapped");
   }
-  const auto [west, east] = std::minmax_element(
-      area.begin(), area.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  const auto [south, north] = std::minmax_element(
-      area.begin(), area.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  return {0.5 * (west->first + east->first), 0.5 * (south->second + north->second)};
+  return area;
+}
+
+// Centre of the survey area's bounding box: coordinates on the wire count from here.
+rbpf_core::Origin originOf(const std::vector<Eigen::Vector2d>& area) {
+  Eigen::Vector2d low = area.front();
+  Eigen::Vector2d high = area.front();
+  for (const Eigen::Vector2d& vertex : area) {
+    low = low.cwiseMin(vertex);
+    high = high.cwiseMax(vertex);
+  }
+  return {0.5 * (low.x() + high.x()), 0.5 * (low.y() + high.y())};
+}
+
+rbpf_core::OdometryParams odometry(ParameterReader& reader) {
+  rbpf_core::OdometryParams params;
+  const std::string velocity = reader.choice("odometry/velocity", {"auto", "pose", "twist"});
+  params.velocity = velocity == "auto"   ? rbpf_core::Velocity::kAuto
+                    : velocity == "pose" ? rbpf_core::Velocity::kPose
+                                         : rbpf_core::Velocity::kTwist;
+  params.gap_s = reader.number("odometry/gap_s", 0.0, kUnlimited);
+  params.max_bridge_s = reader.number("odometry/max_bridge_s", params.gap_s, kUnlimited);
+  return params;
+}
+
+rbpf_core::GateParams gate(ParameterReader& reader) {
+  rbpf_core::GateParams params;
+  params.odometry = odometry(reader);
+  params.clock.max_ahead_s = reader.number("clock/max_ahead_s", 0.0, kUnlimited);
+  params.clock.max_behind_s = reader.number("clock/max_behind_s", 0.0, kUnlimited);
+  rbpf_core::PlausibilityParams& bounds = params.plausibility;
+  bounds.max_speed_mps = reader.number("plausibility/max_speed_mps", 0.1, kUnlimited);
+  bounds.max_turn_rate_radps = reader.number("plausibility/max_turn_rate_radps", 0.01, kUnlimited);
+  bounds.max_depth_m = reader.number("plausibility/max_depth_m", 1.0, kUnlimited);
+  bounds.max_lever_arm_m = reader.number("plausibility/max_lever_arm_m", 0.0, kUnlimited);
+  bounds.max_mount_shift_m = reader.number("plausibility/max_mount_shift_m", 0.0, kUnlimited);
+  bounds.max_mount_turn_rad = reader.number("plausibility/max_mount_turn_rad", 0.0, kUnlimited);
+  return params;
 }
 
 std::optional<rbpf_core::Pose2> startPose(ParameterReader& reader) {
@@ -61,7 +92,6 @@ rbpf_core::FilterParams filter(ParameterReader& reader) {
   params.hold_back_s = reader.number("mapping/hold_back_s", 0.0, kUnlimited);
   params.common_random_numbers = reader.boolean("mapping/common_random_numbers");
   params.holdout = reader.number("evaluation/holdout", 0.0, 0.5);
-  params.origin = surveyOrigin(reader);
   return params;
 }
 
@@ -107,8 +137,11 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   params.frames = {withoutSlash(reader.text("frames/map")),
                    withoutSlash(reader.text("frames/odom")),
                    withoutSlash(reader.text("frames/base"))};
-  params.odometry_gap_s = reader.number("odometry/gap_s", 0.0, kUnlimited);
+  params.survey_area_m = surveyArea(reader);
+  params.gate = gate(reader);
   params.filter = filter(reader);
+  params.filter.odometry = params.gate.odometry;
+  params.filter.origin = originOf(params.survey_area_m);
   params.loop_closure = loopClosure(reader);
   params.loop_closure_rate_hz = reader.number("lc/rate_hz", 0.0, 100.0);
   params.loop_closure_timeout_s = reader.number("lc/timeout_s", 0.1, kUnlimited);

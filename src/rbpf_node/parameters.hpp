@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "rbpf_core/input_gate.hpp"
 #include "rbpf_core/particle_filter.hpp"
 #include "rbpf_core/weighting.hpp"
 #include "rbpf_node/frames.hpp"
@@ -19,7 +20,9 @@ struct Parameters {
   // B
   std::size_t nodes = 2;
   Frames frames;
-  double odometry_gap_s = 2.0;
+  // in map
+  std::vector<Eigen::Vector2d> survey_area_m;
+  rbpf_core::GateParams gate;
   rbpf_core::FilterParams filter;
   rbpf_core::WeightingParams loop_closure;
   double loop_closure_rate_hz = 0.2;

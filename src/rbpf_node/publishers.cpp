@@ -46,7 +46,7 @@ std_msgs::Header Publishers::mapHeader(const ros::Time& stamp) const {
   return header;
 }
 
-void Publishers::publishPose(const ros::Time& stamp) {
+void Publishers::publishPose(const ros::Time& stamp, const std::string& odometry_frame) {
   const rbpf_core::Estimate estimate = filter_.snapshot().estimate();
 
   // T_map_odom = T_map_base T_base_odom: with the odometry's own pose it makes the estimate
@@ -55,7 +55,7 @@ void Publishers::publishPose(const ros::Time& stamp) {
   geometry_msgs::TransformStamped transform = tf2::eigenToTransform(T_map_odom);
   transform.header = mapHeader(stamp);
   transform.child_frame_id = params_.frames.odom;
-  tf_.sendTransform(transform);
+  if (odometry_frame != params_.frames.map) tf_.sendTransform(transform);
 
   geometry_msgs::PoseWithCovarianceStamped pose;
   pose.header = transform.header;

@@ -17,8 +17,8 @@ class Publishers {
   Publishers(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
              const Parameters& params);
 
-  // With every odometry message: tf map -> odom, ~pose.
-  void publishPose(const ros::Time& stamp);
+  // With every odometry message: tf map -> odom, unless its pose is given in map; ~pose.
+  void publishPose(const ros::Time& stamp, const std::string& odometry_frame);
 
   // With every ping: ~ping, the good beams placed by the estimate.
   void publishPing(const ros::Time& stamp);

@@ -16,7 +16,7 @@ namespace rbpf_node {
 
 namespace {
 
-std::string findTopic(const rosbag::Bag& bag, const std::string& name, InputKind kind) {
+std::string findTopic(const rosbag::Bag& bag, const std::string& name, rbpf_core::InputKind kind) {
   std::set<std::string> topics;
   for (const rosbag::ConnectionInfo* connection : rosbag::View(bag).getConnections()) {
     topics.insert(connection->topic);
@@ -38,25 +38,49 @@ std::string findTopic(const rosbag::Bag& bag, const std::string& name, InputKind
   return topic;
 }
 
-void refuse(const rosbag::MessageInstance& instance, InputKind kind, Reason reason,
-            const std::string& what, StampOrder* order) {
+void refuse(const rosbag::MessageInstance& instance, rbpf_core::InputKind kind,
+            rbpf_core::Reason reason, const std::string& what, StampOrder* order) {
   order->refused.add(kind, reason, what);
   ROS_ERROR_THROTTLE(5.0, "Message on %s, received at %.3f s, refused: %s",
                      instance.getTopic().c_str(), instance.getTime().toSec(), what.c_str());
 }
 
-void collect(const rosbag::Bag& bag, const std::string& topic, InputKind kind, StampOrder* order) {
+void collect(const rosbag::Bag& bag, const std::string& topic, rbpf_core::InputKind kind,
+             StampOrder* order) {
   rosbag::View view(bag, rosbag::TopicQuery(topic));
   for (const rosbag::MessageInstance& instance : view) {
     try {
       const std_msgs::Header header = headerOf(rawMessage(instance));
       order->messages.push_back({header.stamp, kind, instance});
-      if (kind == InputKind::kPing) order->ping_frames.insert(withoutSlash(header.frame_id));
-    } catch (const Refusal& refusal) {
+      if (kind == rbpf_core::InputKind::kPing)
+        order->ping_frames.insert(withoutSlash(header.frame_id));
+    } catch (const rbpf_core::Refusal& refusal) {
       refuse(instance, kind, refusal.reason(), refusal.what(), order);
     } catch (const std::exception& error) {
-      refuse(instance, kind, Reason::kMalformed, error.what(), order);
+      refuse(instance, kind, rbpf_core::Reason::kMalformed, error.what(), order);
     }
+  }
+}
+
+double stampMinusReceipt(const StampedMessage& message) {
+  return message.stamp.toSec() - message.instance.getTime().toSec();
+}
+
+void setTimes(const rbpf_core::ClockParams& clock, StampOrder* order) {
+  std::vector<double> ahead_s;
+  for (const StampedMessage& message : order->messages) {
+    if (message.kind == rbpf_core::InputKind::kOdometry) {
+      ahead_s.push_back(stampMinusReceipt(message));
+    }
+  }
+  order->clock_offset_s = rbpf_core::clockOffset(std::move(ahead_s), clock);
+  bool first = true;
+  for (const StampedMessage& message : order->messages) {
+    const double ahead = stampMinusReceipt(message) - order->clock_offset_s;
+    if (ahead > clock.max_ahead_s || ahead < -clock.max_behind_s) continue;
+    if (first) order->begin_s = message.stamp.toSec();
+    order->end_s = message.stamp.toSec();
+    first = false;
   }
 }
 
@@ -73,14 +97,15 @@ void openBag(const std::string& path, rosbag::Bag* bag) {
 
 OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
   openBag(path, bag);
-  return {findTopic(*bag, topics.odometry, InputKind::kOdometry),
-          findTopic(*bag, topics.pings, InputKind::kPing)};
+  return {findTopic(*bag, topics.odometry, rbpf_core::InputKind::kOdometry),
+          findTopic(*bag, topics.pings, rbpf_core::InputKind::kPing)};
 }
 
-StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics) {
+StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics,
+                        const rbpf_core::ClockParams& clock) {
   StampOrder order;
-  collect(bag, topics.odometry, InputKind::kOdometry, &order);
-  collect(bag, topics.pings, InputKind::kPing, &order);
+  collect(bag, topics.odometry, rbpf_core::InputKind::kOdometry, &order);
+  collect(bag, topics.pings, rbpf_core::InputKind::kPing, &order);
   if (order.messages.empty()) {
     throw std::runtime_error(bag.getFileName() + " holds no message that can be read");
   }
@@ -96,6 +121,7 @@ StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics) {
   sorted.reserve(by_stamp.size());
   for (const std::size_t i : by_stamp) sorted.push_back(order.messages[i]);
   order.messages = std::move(sorted);
+  setTimes(clock, &order);
   return order;
 }
 

@@ -16,16 +16,21 @@ namespace rbpf_node {
 struct StampedMessage {
   // the header's
   ros::Time stamp;
-  InputKind kind;
+  rbpf_core::InputKind kind;
   rosbag::MessageInstance instance;
 };
 
 struct StampOrder {
   std::vector<StampedMessage> messages;
+  // s: from the first to the last stamp that is not another clock's
+  double begin_s = 0.0;
+  double end_s = 0.0;
+  // how far stamps lie ahead of the times at which they were recorded, s; see clockOffset
+  double clock_offset_s = 0.0;
   // of the sensors that pings come from
   std::set<std::string> ping_frames;
   // messages that hold no header, or have no stamp
-  RefusalCounts refused;
+  rbpf_core::RefusalCounts refused;
 };
 
 // Opens a bag to be read. Throws std::runtime_error that names it, and what is wrong with it.
@@ -38,6 +43,7 @@ OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosb
 
 // All messages of both topics by header.stamp, whenever they were received; odometry before a ping
 // of the same stamp, so that the ping need not wait for the next one. They refer to the bag.
-StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics);
+StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics,
+                        const rbpf_core::ClockParams& clock);
 
 }  // namespace rbpf_node

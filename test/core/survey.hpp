@@ -72,7 +72,7 @@ void sail(ParticleFilter& filter, const OdometryAt& odometry_at, int from_s, int
 inline std::string problemWith(ParticleFilter& filter, const Ping& ping) {
   try {
     filter.addPing(ping);
-  } catch (const InputRefused& refused) {
+  } catch (const Refusal& refused) {
     return refused.what();
   }
   return "";

@@ -46,6 +46,17 @@ TEST_F(LoopClosingTest, PromptsAtItsRateInTheSurveysOwnTime) {
   EXPECT_GE(maps.pings.size(), 22U);
 }
 
+TEST_F(LoopClosingTest, DoesNotCountAGapInTheOdometryAsTimeSinceTheLastPrompt) {
+  LoopClosingParams params = productRule(0.0);
+  params.rate_hz = 0.1;
+  LoopClosing rarely(filter, maps, params);
+  EXPECT_EQ(rarely.step().outcome, StepOutcome::kPrompted);
+  sail(filter, turning, 3601, 3605);
+  EXPECT_FALSE(rarely.isDue());  // 2 s of the gap and 4 s since
+  sail(filter, turning, 3605, 3613);
+  EXPECT_TRUE(rarely.isDue());
+}
+
 TEST_F(LoopClosingTest, NeverPromptsAtARateOfZero) {
   LoopClosingParams params;
   params.rate_hz = 0.0;

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "rbpf_node/inputs/refusal.hpp"
+#include "rbpf_core/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -22,10 +22,10 @@ std::string errorOf(const Call& call) {
 
 // Why a call refuses a message; nothing if it does not.
 template <typename Call>
-std::optional<Reason> reasonOf(const Call& call) {
+std::optional<rbpf_core::Reason> reasonOf(const Call& call) {
   try {
     call();
-  } catch (const Refusal& refusal) {
+  } catch (const rbpf_core::Refusal& refusal) {
     return refusal.reason();
   }
   return std::nullopt;

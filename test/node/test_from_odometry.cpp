@@ -51,8 +51,20 @@ TEST(FromOdometry, RefusesAnotherFrame) {
 
 TEST(FromOdometry, RefusesAnotherChildFrame) {
   nav_msgs::Odometry message = odometryMessage();
+  message.child_frame_id = "camera";
+  EXPECT_TRUE(contains(refusalOf(message), "child_frame_id is 'camera', expected 'base_link'"));
+}
+
+TEST(FromOdometry, TakesAnEmptyChildFrameForTheVehicle) {
+  nav_msgs::Odometry message = odometryMessage();
   message.child_frame_id = "";
-  EXPECT_TRUE(contains(refusalOf(message), "child_frame_id is '', expected 'base_link'"));
+  EXPECT_EQ(refusalOf(message), "");
+}
+
+TEST(FromOdometry, TakesAPoseThatIsGivenInMap) {
+  nav_msgs::Odometry message = odometryMessage();
+  message.header.frame_id = "map";
+  EXPECT_EQ(refusalOf(message), "");
 }
 
 TEST(FromOdometry, RefusesAnOrientationThatIsNoRotation) {
@@ -85,15 +97,15 @@ TEST(FromOdometry, NamesTheReason) {
   EXPECT_EQ(reason(odometryMessage()), std::nullopt);
   nav_msgs::Odometry message = odometryMessage();
   message.header.frame_id = "world_ned";
-  EXPECT_EQ(reason(message), Reason::kWrongFrame);
+  EXPECT_EQ(reason(message), rbpf_core::Reason::kWrongFrame);
   message = odometryMessage();
   message.pose.pose.orientation.w = kNaN;
-  EXPECT_EQ(reason(message), Reason::kNotFinite);
+  EXPECT_EQ(reason(message), rbpf_core::Reason::kNotFinite);
   message.pose.pose.orientation.w = 2.0;
-  EXPECT_EQ(reason(message), Reason::kMalformed);
+  EXPECT_EQ(reason(message), rbpf_core::Reason::kMalformed);
   message = odometryMessage();
   message.pose.pose.position.x = kNaN;
-  EXPECT_EQ(reason(message), Reason::kNotFinite);
+  EXPECT_EQ(reason(message), rbpf_core::Reason::kNotFinite);
 }
 
 TEST(FromOdometry, AcceptsARoundedOrientation) {

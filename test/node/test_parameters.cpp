@@ -76,9 +76,27 @@ Fields fieldsOf(const rbpf_core::Origin& origin) {
   return {FIELD(x_m), FIELD(y_m)};
 }
 
+Fields fieldsOf(const rbpf_core::OdometryParams& params) {
+  const auto& [velocity, gap_s, max_bridge_s] = params;
+  return {FIELD(velocity), FIELD(gap_s), FIELD(max_bridge_s)};
+}
+
+Fields fieldsOf(const rbpf_core::GateParams& params) {
+  const auto& [clock, plausibility, odometry] = params;
+  const auto& [max_ahead_s, max_behind_s] = clock;
+  const auto& [max_speed_mps, max_turn_rate_radps, max_depth_m, max_lever_arm_m, max_mount_shift_m,
+               max_mount_turn_rad] = plausibility;
+  Fields fields = {FIELD(max_ahead_s),         FIELD(max_behind_s),      FIELD(max_speed_mps),
+                   FIELD(max_turn_rate_radps), FIELD(max_depth_m),       FIELD(max_lever_arm_m),
+                   FIELD(max_mount_shift_m),   FIELD(max_mount_turn_rad)};
+  append("odometry", fieldsOf(odometry), &fields);
+  return fields;
+}
+
 Fields fieldsOf(const rbpf_core::FilterParams& params) {
-  const auto& [particles, seed, start_pose, start_position_std_m, start_yaw_std_rad, motion, pings,
-               ping_queue, hold_back_s, holdout, common_random_numbers, origin] = params;
+  const auto& [particles, seed, start_pose, start_position_std_m, start_yaw_std_rad, odometry,
+               motion, pings, ping_queue, hold_back_s, holdout, common_random_numbers, origin] =
+      params;
   Fields fields = {FIELD(particles),
                    FIELD(seed),
                    FIELD(start_pose),
@@ -88,6 +106,7 @@ Fields fieldsOf(const rbpf_core::FilterParams& params) {
                    FIELD(hold_back_s),
                    FIELD(holdout),
                    FIELD(common_random_numbers)};
+  append("odometry", fieldsOf(odometry), &fields);
   append("motion", fieldsOf(motion), &fields);
   append("pings", fieldsOf(pings), &fields);
   append("origin", fieldsOf(origin), &fields);
@@ -114,12 +133,11 @@ Fields fieldsOf(const Frames& frames) {
 }
 
 Fields fieldsOf(const Parameters& params) {
-  const auto& [nodes, frames, odometry_gap_s, filter, loop_closure, loop_closure_rate_hz,
+  const auto& [nodes, frames, survey_area_m, gate, filter, loop_closure, loop_closure_rate_hz,
                loop_closure_timeout_s, resampling_threshold, resampling_timeout_s,
                offline_steps_per_second, final_training_s, publish_rate_hz, bathymetry_voxel_m] =
       params;
   Fields fields = {FIELD(nodes),
-                   FIELD(odometry_gap_s),
                    FIELD(loop_closure_rate_hz),
                    FIELD(loop_closure_timeout_s),
                    FIELD(resampling_threshold),
@@ -129,6 +147,7 @@ Fields fieldsOf(const Parameters& params) {
                    FIELD(publish_rate_hz),
                    FIELD(bathymetry_voxel_m)};
   append("frames", fieldsOf(frames), &fields);
+  append("gate", fieldsOf(gate), &fields);
   append("filter", fieldsOf(filter), &fields);
   append("loop_closure", fieldsOf(loop_closure), &fields);
   return fields;

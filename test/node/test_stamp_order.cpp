@@ -46,7 +46,7 @@ class StampOrderTest : public testing::Test {
   StampOrder readBack() {
     writer_.close();
     openBag(path_, kTopics, &bag_);
-    return inStampOrder(bag_, kTopics);
+    return inStampOrder(bag_, kTopics, rbpf_core::ClockParams());
   }
 
   const std::string path_ =
@@ -64,8 +64,9 @@ TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
   ASSERT_EQ(order.messages.size(), 4U);
   EXPECT_EQ(order.refused.total(), 0U);
   const double stamps_s[] = {1.0, 2.0, 3.0, 3.0};
-  const InputKind kinds[] = {InputKind::kOdometry, InputKind::kPing, InputKind::kOdometry,
-                             InputKind::kPing};
+  const rbpf_core::InputKind kinds[] = {
+      rbpf_core::InputKind::kOdometry, rbpf_core::InputKind::kPing, rbpf_core::InputKind::kOdometry,
+      rbpf_core::InputKind::kPing};
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(order.messages[i].stamp.toSec(), stamps_s[i]);
     EXPECT_EQ(order.messages[i].kind, kinds[i]);
@@ -91,7 +92,9 @@ TEST_F(StampOrderTest, LeavesOutMessagesWithoutAStamp) {
   const StampOrder order = readBack();
   EXPECT_EQ(order.messages.size(), 2U);
   EXPECT_EQ(order.refused.total(), 1U);
-  EXPECT_EQ(order.refused.counts().count({InputKind::kOdometry, Reason::kNoStamp}), 1U);
+  EXPECT_EQ(
+      order.refused.counts().count({rbpf_core::InputKind::kOdometry, rbpf_core::Reason::kNoStamp}),
+      1U);
 }
 
 TEST_F(StampOrderTest, WantsBothTopics) {

@@ -76,3 +76,12 @@ def test_the_track_is_in_the_order_of_stamps():
         truth.add(odometry(stamp_s=stamp_s), Odometry._type)
     assert truth.track()[:, 0].tolist() == [10.0, 11.0, 12.0]
     assert len(truth.positions(2)) == 2
+
+
+def test_a_gap_is_not_bridged():
+    truth = GroundTruth("map")
+    for stamp_s in (10.0, 12.0, 20.0, 21.0):
+        truth.add(odometry(stamp_s=stamp_s, x=stamp_s), Odometry._type)
+    poses = truth.at(np.array([9.0, 11.0, 15.0, 20.5]))
+    np.testing.assert_allclose(poses[:, 0], [np.nan, 11.0, np.nan, 20.5])
+    assert GroundTruth("map").at(np.array([1.0])) is None

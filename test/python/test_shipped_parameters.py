@@ -8,7 +8,7 @@ from itertools import chain
 import pytest
 import yaml
 
-from rbpf_svgp_slam.experiments import cli as experiment_cli
+from rbpf_svgp_slam.experiments import experiment_command
 from rbpf_svgp_slam.experiments.plan import Options
 from rbpf_svgp_slam.maps import ENGINES, make_group
 from rbpf_svgp_slam.nested import all_names, flatten, merged
@@ -25,7 +25,7 @@ from rbpf_svgp_slam.parameters.loading import (
     validate,
     validate_recorder,
 )
-from rbpf_svgp_slam.simulation import cli as simulate_cli
+from rbpf_svgp_slam.simulation import simulate_command
 from rbpf_svgp_slam.svgp.config import RULES, SvgpConfig
 
 SQUARE = [[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]]
@@ -67,7 +67,7 @@ def test_what_is_loaded_has_no_defaults_of_its_own():
 
 def test_every_experiment_starts_from_the_shipped_parameters(tmp_path):
     shipped, options = default_parameters(), Options()
-    arguments = experiment_cli._parse(["exp1", "--out", str(tmp_path)])
+    arguments = experiment_command._parse(["exp1", "--out", str(tmp_path)])
     assert options.optimizer == arguments.optimizer == shipped["svgp"]["optimizer"]
     assert options.seed == arguments.seed == shipped["seed"]
 
@@ -96,7 +96,7 @@ def test_no_shipped_overlay_is_left_out():
 def test_the_simulators_overlay_is_accepted(tree, tmp_path):
     bag = tmp_path / "survey.bag"
     simulation = ["--mission", "demo", "--scale", "0.05", "--duration", "10", "--out", str(bag)]
-    assert simulate_cli.main(simulation) == 0
+    assert simulate_command.main(simulation) == 0
     overlay = yaml.safe_load(bag.with_suffix(".survey.yaml").read_text())
     parameters = validate(merged(tree, overlay))
     assert parameters.survey_area == tuple(map(tuple, overlay["survey_area"]))
@@ -148,7 +148,7 @@ def test_experiment_py_answers_in_the_same_words(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     path.write_text("map: {resolutoin_m: 2.0}\n")
     out = tmp_path / "out"
-    assert experiment_cli.main(["exp1", "--config", str(path), "--out", str(out)]) == 2
+    assert experiment_command.main(["exp1", "--config", str(path), "--out", str(out)]) == 2
     message = "mine.yaml: map/resolutoin_m is unknown; did you mean map/resolution_m?"
     assert message in capsys.readouterr().err
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string>
 
-#include "rbpf_node/inputs/refusal.hpp"
+#include "rbpf_core/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -11,23 +11,25 @@ namespace {
 
 void expectFinite(const std::string& name, float value) {
   if (std::isfinite(value)) return;
-  throw Refusal(Reason::kNotFinite,
-                "scan's " + name + " is " + std::to_string(value) + ", expected a finite number");
+  throw rbpf_core::Refusal(
+      rbpf_core::Reason::kNotFinite,
+      "scan's " + name + " is " + std::to_string(value) + ", expected a finite number");
 }
 
 void check(const sensor_msgs::LaserScan& message) {
   expectFinite("angle_min", message.angle_min);
   expectFinite("angle_increment", message.angle_increment);
   if (message.angle_increment == 0.0F && message.ranges.size() > 1) {
-    throw Refusal(Reason::kMalformed,
-                  "scan's angle_increment is 0, expected another angle for each of " +
-                      std::to_string(message.ranges.size()) + " ranges");
+    throw rbpf_core::Refusal(rbpf_core::Reason::kMalformed,
+                             "scan's angle_increment is 0, expected another angle for each of " +
+                                 std::to_string(message.ranges.size()) + " ranges");
   }
   // range_max may be infinite
   if (!(message.range_min >= 0.0F && message.range_max > message.range_min)) {
-    throw Refusal(Reason::kMalformed,
-                  "scan's range_min .. range_max is " + std::to_string(message.range_min) + " .. " +
-                      std::to_string(message.range_max) + ", expected 0 or more .. more than that");
+    throw rbpf_core::Refusal(
+        rbpf_core::Reason::kMalformed,
+        "scan's range_min .. range_max is " + std::to_string(message.range_min) + " .. " +
+            std::to_string(message.range_max) + ", expected 0 or more .. more than that");
   }
 }
 

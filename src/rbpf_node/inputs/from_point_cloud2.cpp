@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string>
 
-#include "rbpf_node/inputs/refusal.hpp"
+#include "rbpf_core/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -23,7 +23,7 @@ const char* nameOf(std::uint8_t datatype) {
 }
 
 [[noreturn]] void fail(const std::string& what) {
-  throw Refusal(Reason::kMalformed, "ping" + what);
+  throw rbpf_core::Refusal(rbpf_core::Reason::kMalformed, "ping" + what);
 }
 
 // Where one coordinate stands in each point.

@@ -12,14 +12,16 @@ namespace rbpf_node {
 namespace {
 
 struct MessageType {
-  InputKind kind;
+  rbpf_core::InputKind kind;
   std::string datatype;
   std::string md5sum;
   std::function<AnyInput(const RawMessage&)> read;
 };
 
-constexpr InputKind kindOf(const OdometryInput*) { return InputKind::kOdometry; }
-constexpr InputKind kindOf(const PingInput*) { return InputKind::kPing; }
+constexpr rbpf_core::InputKind kindOf(const OdometryInput*) {
+  return rbpf_core::InputKind::kOdometry;
+}
+constexpr rbpf_core::InputKind kindOf(const PingInput*) { return rbpf_core::InputKind::kPing; }
 
 template <typename Message, typename Result>
 MessageType messageType(Result (*convert)(const Message&)) {
@@ -39,7 +41,8 @@ const std::vector<MessageType>& messageTypes() {
   return types;
 }
 
-const MessageType* find(InputKind kind, const std::string& datatype, const std::string& md5sum) {
+const MessageType* find(rbpf_core::InputKind kind, const std::string& datatype,
+                        const std::string& md5sum) {
   for (const MessageType& type : messageTypes()) {
     if (type.kind == kind && type.datatype == datatype && type.md5sum == md5sum) return &type;
   }
@@ -48,7 +51,7 @@ const MessageType* find(InputKind kind, const std::string& datatype, const std::
 
 }  // namespace
 
-std::string expectedInsteadOf(InputKind kind, const std::string& datatype,
+std::string expectedInsteadOf(rbpf_core::InputKind kind, const std::string& datatype,
                               const std::string& md5sum) {
   if (find(kind, datatype, md5sum) != nullptr) return "";
   std::string expected;
@@ -61,12 +64,12 @@ std::string expectedInsteadOf(InputKind kind, const std::string& datatype,
   return expected;
 }
 
-AnyInput readInput(InputKind kind, const RawMessage& raw) {
+AnyInput readInput(rbpf_core::InputKind kind, const RawMessage& raw) {
   const MessageType* type = find(kind, raw.datatype, raw.md5sum);
   if (type == nullptr) {
-    throw Refusal(Reason::kWrongType, "message is a " + raw.datatype + " with the md5sum " +
-                                          raw.md5sum + ", expected " +
-                                          expectedInsteadOf(kind, raw.datatype, raw.md5sum));
+    throw rbpf_core::Refusal(rbpf_core::Reason::kWrongType,
+                             "message is a " + raw.datatype + " with the md5sum " + raw.md5sum +
+                                 ", expected " + expectedInsteadOf(kind, raw.datatype, raw.md5sum));
   }
   headerOf(raw);  // checks the stamp
   return type->read(raw);

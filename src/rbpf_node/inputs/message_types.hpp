@@ -4,7 +4,7 @@
 #include <string>
 #include <variant>
 
-#include "rbpf_node/inputs/input_kind.hpp"
+#include "rbpf_core/input_kind.hpp"
 #include "rbpf_node/inputs/odometry_input.hpp"
 #include "rbpf_node/inputs/ping_input.hpp"
 #include "rbpf_node/inputs/raw_message.hpp"
@@ -16,11 +16,11 @@ using AnyInput = std::variant<OdometryInput, PingInput>;
 
 // What a message says. Throws Refusal if something is wrong with it; a type of which topics of this
 // kind cannot be is wrong too.
-AnyInput readInput(InputKind kind, const RawMessage& raw);
+AnyInput readInput(rbpf_core::InputKind kind, const RawMessage& raw);
 
 // Empty if topics of this kind may carry messages of the type, otherwise what they may carry:
 // "sensor_msgs/PointCloud2 or ...".
-std::string expectedInsteadOf(InputKind kind, const std::string& datatype,
+std::string expectedInsteadOf(rbpf_core::InputKind kind, const std::string& datatype,
                               const std::string& md5sum);
 
 }  // namespace rbpf_node

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "rbpf_node/inputs/refusal.hpp"
+#include "rbpf_core/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -15,7 +15,8 @@ constexpr double kNormTolerance = 0.01;
 
 void expectFrame(const std::string& what, const std::string& frame, const std::string& expected) {
   if (frame != expected) {
-    throw Refusal(Reason::kWrongFrame, what + " is '" + frame + "', expected '" + expected + "'");
+    throw rbpf_core::Refusal(rbpf_core::Reason::kWrongFrame,
+                             what + " is '" + frame + "', expected '" + expected + "'");
   }
 }
 
@@ -24,14 +25,15 @@ void expectFinite(const std::string& what, const Eigen::Vector3d& values) {
   std::ostringstream text;
   text << "odometry's " << what << " is (" << values.x() << ", " << values.y() << ", " << values.z()
        << "), expected finite numbers";
-  throw Refusal(Reason::kNotFinite, text.str());
+  throw rbpf_core::Refusal(rbpf_core::Reason::kNotFinite, text.str());
 }
 
 void expectRotation(const Eigen::Quaterniond& orientation) {
   const double norm = orientation.norm();
   if (std::abs(norm - 1.0) < kNormTolerance) return;
-  throw Refusal(std::isfinite(norm) ? Reason::kMalformed : Reason::kNotFinite,
-                "odometry's orientation has the norm " + std::to_string(norm) + ", expected 1");
+  throw rbpf_core::Refusal(
+      std::isfinite(norm) ? rbpf_core::Reason::kMalformed : rbpf_core::Reason::kNotFinite,
+      "odometry's orientation has the norm " + std::to_string(norm) + ", expected 1");
 }
 
 }  // namespace
@@ -43,8 +45,14 @@ Eigen::Vector3d rollPitchYaw(const Eigen::Quaterniond& rotation) {
 }
 
 rbpf_core::Odometry toOdometry(const OdometryInput& input, const Frames& frames) {
-  expectFrame("odometry's header.frame_id", input.frame, frames.odom);
-  expectFrame("odometry's child_frame_id", input.child_frame, frames.base);
+  // a pose that is given in map, as of a navigation that has GPS, does as well
+  if (input.frame != frames.map) {
+    expectFrame("odometry's header.frame_id", input.frame, frames.odom);
+  }
+  // drivers that leave it empty mean the vehicle
+  if (!input.child_frame.empty()) {
+    expectFrame("odometry's child_frame_id", input.child_frame, frames.base);
+  }
   expectFinite("position", input.position_m);
   expectFinite("linear velocity", input.linear_mps);
   expectFinite("angular velocity", input.angular_radps);

@@ -1,7 +1,7 @@
 #include "rbpf_node/inputs/ping_input.hpp"
 
+#include "rbpf_core/refusal.hpp"
 #include "rbpf_node/frames.hpp"
-#include "rbpf_node/inputs/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -10,8 +10,9 @@ PingInput pingOf(const std_msgs::Header& header) {
   input.stamp = header.stamp;
   input.frame = withoutSlash(header.frame_id);
   if (input.frame.empty()) {
-    throw Refusal(Reason::kWrongFrame, "ping's header.frame_id is '" + header.frame_id +
-                                           "', expected the sensor's frame");
+    throw rbpf_core::Refusal(
+        rbpf_core::Reason::kWrongFrame,
+        "ping's header.frame_id is '" + header.frame_id + "', expected the sensor's frame");
   }
   return input;
 }

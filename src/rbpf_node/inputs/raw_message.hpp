@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "rbpf_node/inputs/refusal.hpp"
+#include "rbpf_core/refusal.hpp"
 
 namespace rbpf_node {
 
@@ -41,9 +41,9 @@ Message deserialised(const RawMessage& raw) {
   try {
     ros::serialization::deserialize(stream, message);
   } catch (const ros::serialization::StreamOverrunException&) {
-    throw Refusal(Reason::kMalformed, std::to_string(raw.bytes.size()) +
-                                          " bytes, expected a whole " +
-                                          ros::message_traits::datatype<Message>());
+    throw rbpf_core::Refusal(rbpf_core::Reason::kMalformed,
+                             std::to_string(raw.bytes.size()) + " bytes, expected a whole " +
+                                 ros::message_traits::datatype<Message>());
   }
   return message;
 }
@@ -53,7 +53,7 @@ Message deserialised(const RawMessage& raw) {
 inline std_msgs::Header headerOf(const RawMessage& raw) {
   const auto header = deserialised<std_msgs::Header>(raw);
   if (header.stamp.isZero()) {
-    throw Refusal(Reason::kNoStamp, "header.stamp is 0, expected a time");
+    throw rbpf_core::Refusal(rbpf_core::Reason::kNoStamp, "header.stamp is 0, expected a time");
   }
   return header;
 }

@@ -23,7 +23,7 @@ def beam_findings(facts: Facts) -> list[Finding]:
     found = [_beams_per_ping(facts), _not_finite(facts)]
     if facts.pings["finite"].sum():
         found += [_out_of_range(facts), _travel_time(facts)]
-    if np.isfinite(facts.pings["good"]).any() and facts.pings["within"].sum():
+    if len(facts.placed["good"]):
         found.append(_outliers(facts))
     return found
 
@@ -69,7 +69,7 @@ def _travel_time(facts: Facts) -> Finding:
     """Sound must have the time to come back."""
     range_m = float(np.nanmedian(facts.pings["median_range_m"]))
     travel_s = 2 * range_m / SOUND_MPS
-    usual_s = period_s(facts.pings) if len(facts.pings["stamp_s"]) > 1 else travel_s
+    usual_s = abs(period_s(facts.pings)) if len(facts.pings["stamp_s"]) > 1 else travel_s
     value = f"{range_m:.1f} m there and back take {travel_s:.2g} s, a ping every {usual_s:.2g} s"
     if travel_s <= MOST_UNDER_WAY * usual_s or usual_s <= 0:
         return Finding("travel_time", OK, value)
@@ -79,9 +79,9 @@ def _travel_time(facts: Facts) -> Finding:
 
 
 def _outliers(facts: Facts) -> Finding:
-    sampled = np.isfinite(facts.pings["good"])
-    within = facts.pings["within"][sampled].sum()
-    share = max(0.0, 1 - facts.pings["good"][sampled].sum() / max(1.0, within))
+    placed = np.isin(facts.pings["stamp_s"], facts.placed["stamp_s"])
+    within = facts.pings["within"][placed].sum()
+    share = max(0.0, 1 - facts.placed["good"].sum() / max(1.0, within))
     value, expected = f"{100 * share:.1f} % of the beams", f"at most {100 * MOST_OUTLIERS:.0f} %"
     if share <= MOST_OUTLIERS:
         return Finding("outliers", OK, value, expected)

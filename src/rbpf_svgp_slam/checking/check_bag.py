@@ -24,6 +24,7 @@ from rbpf_svgp_slam.checking.geometry import geometry_findings
 from rbpf_svgp_slam.checking.inspector import BagError, inspect, topics_of
 from rbpf_svgp_slam.checking.motion import motion_findings
 from rbpf_svgp_slam.checking.noise import NAMES, motion_noise, noise_finding
+from rbpf_svgp_slam.checking.noted_by_filter import noted_findings
 from rbpf_svgp_slam.checking.overlay import command, make_overlay
 from rbpf_svgp_slam.checking.refusals_found import refusal_findings
 from rbpf_svgp_slam.checking.terminal import findings_text, summary
@@ -144,6 +145,7 @@ def judge(facts: Facts, tree: dict[str, Any]) -> list[Finding]:
     noise = motion_noise(facts, default_parameters()["motion"])
     return [
         *refusal_findings(facts),
+        *noted_findings(facts, area_is_given=bool(tree["survey_area"])),
         *timing_findings(facts),
         *mount_findings(facts),
         *beam_findings(facts),

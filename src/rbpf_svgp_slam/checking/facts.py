@@ -52,6 +52,15 @@ class Refused:
 
 
 @dataclass(frozen=True)
+class Noted:
+    """What the filter's own checks of the survey as a whole say."""
+
+    name: str
+    severity: str
+    text: str
+
+
+@dataclass(frozen=True)
 class ChosenTopics:
     """Topics by what they are for; None where there is none."""
 
@@ -64,9 +73,10 @@ class ChosenTopics:
 class Facts:
     """All that the findings are made of.
 
-    odometry, pings, beams, ground_truth: tables, whose columns are named with their units; stamps
-    and record times in s since the epoch. beams are a sample, placed by the odometry's pose; their
-    column `ping` counts rows of pings.
+    Tables, whose columns are named with their units, stamps and record times in s since the epoch:
+    odometry that is taken in; pings as they came; placed, those of them that are taken in, by the
+    odometry's pose; a sample of their beams, whose column `ping` counts the rows of placed; ground
+    truth.
     """
 
     topics: list[Topic]
@@ -74,15 +84,17 @@ class Facts:
     parameters: dict[str, Any]  # that the bag was read with
     odometry: Table
     pings: Table
+    placed: Table
     beams: Table
     ground_truth: Table
     refused: dict[str, Refused] = field(default_factory=dict)
     mounts: list[Mount] = field(default_factory=list)
     links: list[tuple[str, str]] = field(default_factory=list)  # parent and child in tf
+    noted: list[Noted] = field(default_factory=list)
 
     def beam_stamps(self) -> np.ndarray:
         """The stamp of each sampled beam."""
-        return self.pings["stamp_s"][self.beams["ping"].astype(int)]
+        return self.placed["stamp_s"][self.beams["ping"].astype(int)]
 
 
 def topics_from(text: str) -> list[Topic]:
@@ -104,5 +116,13 @@ def load_facts(
         for mount in said["mounts"]
     ]
     refused = {name: Refused(**count) for name, count in said["refused"].items()}
-    links = [(parent, child) for parent, child in said["links"]]
-    return Facts(topics, chosen, parameters, **tables, refused=refused, mounts=mounts, links=links)
+    return Facts(
+        topics,
+        chosen,
+        parameters,
+        **tables,
+        refused=refused,
+        mounts=mounts,
+        links=[(parent, child) for parent, child in said["links"]],
+        noted=[Noted(**noted) for noted in said["findings"]],
+    )

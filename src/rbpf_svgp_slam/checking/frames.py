@@ -9,14 +9,11 @@ import numpy as np
 from rbpf_svgp_slam.checking.facts import Facts, Mount, Topic
 from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding
 
-#: From base_link to a sonar: more is a mount in millimetres, or another vehicle's.
-LONGEST_ARM_M = 50.0
-
 
 def frames_of_bag(odometry: Topic, frames: dict[str, str]) -> dict[str, str]:
     """What must be set of the group `frames`, so that the odometry is taken."""
     needed = {}
-    if odometry.frame and odometry.frame != frames["odom"].lstrip("/"):
+    if odometry.frame.lstrip("/") not in {frames[name].lstrip("/") for name in ("odom", "map")}:
         needed["odom"] = odometry.frame
     if odometry.child_frame and odometry.child_frame != frames["base"].lstrip("/"):
         needed["base"] = odometry.child_frame
@@ -32,11 +29,12 @@ def odometry_frame_findings(
     """
     value = f"'{odometry.frame}' → '{odometry.child_frame}'"
     expected = f"'{frames['odom']}' → '{frames['base']}' (frames/odom, frames/base)"
-    if not odometry.child_frame:
-        cause, fix = "the driver leaves child_frame_id empty", "let it say base_link"
-        return [Finding("odometry_frames", ERROR, value, expected, cause, fix)]
     needed = frames_of_bag(odometry, frames)
     if not needed:
+        if odometry.frame == frames["map"]:
+            value += ": given in map, taken as it is"
+        if not odometry.child_frame:
+            value += f": no child_frame_id, taken for '{frames['base']}'"
         return [Finding("odometry_frames", OK, value)]
     settings = ", ".join(f"{name}: {frame}" for name, frame in needed.items())
     fix = f"frames: {{{settings}}}"
@@ -63,8 +61,9 @@ def _mount_finding(mount: Mount, facts: Facts) -> Finding:
         f"'{mount.frame}' at x {x:.2f}, y {y:.2f}, z {z:.2f} m of '{base}', "
         f"turned by {roll:.1f}, {pitch:.1f}, {yaw:.1f}° (roll, pitch, yaw)"
     )
-    if math.hypot(x, y, z) > LONGEST_ARM_M:
-        expected = f"within {LONGEST_ARM_M:g} m"
+    longest_m = facts.parameters["plausibility"]["max_lever_arm_m"]
+    if math.hypot(x, y, z) > longest_m:
+        expected = f"within {longest_m:g} m (plausibility/max_lever_arm_m)"
         cause = "it is in millimetres, or the sensor is another vehicle's"
         return Finding(name, ERROR, value, expected, cause, "correct the transform, in metres")
     if mount.frame != base and not np.any([x, y, z, roll, pitch, yaw]):

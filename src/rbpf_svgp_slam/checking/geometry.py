@@ -7,53 +7,38 @@ from typing import Any
 import numpy as np
 
 from rbpf_svgp_slam.checking.facts import Facts
-from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding
+from rbpf_svgp_slam.checking.findings import OK, WARNING, Finding
 from rbpf_svgp_slam.survey_area.polygon import inside
 
 #: Seabed counts as seen before if so much time lies between.
 LATER_S = 60.0
 LEAST_OVERLAP = 0.1
 LEAST_INSIDE = 0.5
-#: Local coordinates begin near their origin, projected ones do not.
-FAR_APART_M = 10_000.0
 
 
 def geometry_findings(facts: Facts, area: list[Any] | None) -> list[Finding]:
     """Of the sampled beams; area: the survey area, where it is given."""
     if not len(facts.beams["z_m"]):
         return []
-    found = [*_depths(facts), _swath(facts), _overlap(facts)]
-    return found + ([_area(facts, area)] if area else [])
+    found = [_depths(facts), _swath(facts), _overlap(facts)]
+    missed = any(noted.name == "area_missed" for noted in facts.noted)
+    return found + ([_area(facts, area)] if area and not missed else [])
 
 
-def _depths(facts: Facts) -> list[Finding]:
-    vehicle_z_m = facts.pings["vehicle_z_m"][facts.beams["ping"].astype(int)]
+def _depths(facts: Facts) -> Finding:
+    vehicle_z_m = facts.placed["vehicle_z_m"][facts.beams["ping"].astype(int)]
     z_m = facts.beams["z_m"]
     value = (
         f"seabed at z {np.median(z_m):.1f} m (median), "
         f"vehicle at z {vehicle_z_m.min():.1f} to {vehicle_z_m.max():.1f} m"
     )
-    above = float((z_m > vehicle_z_m).mean())
-    if above > 0.5:
-        down = np.median(vehicle_z_m) > 0
-        cause = "z points down in the pings, or the mount is upside down"
-        if down and np.median(z_m) > 0:
-            cause = "z points down in the odometry and in the pings"
-        value = f"{100 * above:.0f} % of the beams lie above the vehicle; {value}"
-        expected = "seabed below the vehicle: x forward, y left, z up"
-        fix = "turn the mount by 180° about x in /tf_static, or convert the messages"
-        return [Finding("beams_above_vehicle", ERROR, value, expected, cause, fix)]
-    if np.median(z_m) > 0:
-        cause = "the odometry's z is a depth, positive down, or a height above something else"
-        fix = "publish z negative under water, zero at the surface"
-        return [Finding("seabed_above_sea", WARNING, value, "seabed below z = 0", cause, fix)]
-    return [Finding("depth", OK, value)]
+    return Finding("depth", OK, value)
 
 
 def _swath(facts: Facts) -> Finding:
-    forward_m = np.nanmedian(facts.pings["max_forward_m"] - facts.pings["min_forward_m"])
-    across_m = np.nanmedian(facts.pings["max_left_m"] - facts.pings["min_left_m"])
-    left_m = np.nanmedian(facts.pings["max_left_m"] + facts.pings["min_left_m"]) / 2
+    forward_m = np.nanmedian(facts.placed["max_forward_m"] - facts.placed["min_forward_m"])
+    across_m = np.nanmedian(facts.placed["max_left_m"] - facts.placed["min_left_m"])
+    left_m = np.nanmedian(facts.placed["max_left_m"] + facts.placed["min_left_m"]) / 2
     value = (
         f"{across_m:.1f} m across, {forward_m:.1f} m along the vehicle, middle {left_m:.1f} m left"
     )
@@ -84,8 +69,8 @@ def overlap(facts: Facts) -> tuple[float, float, float]:
     """
     beams, stamps_s = facts.beams, facts.beam_stamps()
     at = np.column_stack([beams["x_m"], beams["y_m"]])
-    used = np.isfinite(facts.pings["vehicle_x_m"])
-    track = np.column_stack([facts.pings["vehicle_x_m"], facts.pings["vehicle_y_m"]])[used]
+    used = np.isfinite(facts.placed["vehicle_x_m"])
+    track = np.column_stack([facts.placed["vehicle_x_m"], facts.placed["vehicle_y_m"]])[used]
     steps_m = np.linalg.norm(np.diff(track, axis=0), axis=1) if len(track) > 1 else np.zeros(1)
     across_m = np.linalg.norm(np.diff(at, axis=0), axis=1)[np.diff(beams["ping"]) == 0]
     cell_m = max(1.0, 1.5 * np.median(steps_m), 1.5 * np.median(across_m) if len(across_m) else 0)
@@ -116,14 +101,9 @@ def _area(facts: Facts, area: list[Any]) -> Finding:
     expected = f"{100 * LEAST_INSIDE:.0f} % or more"
     if share >= LEAST_INSIDE:
         return Finding("survey_area", OK, value, expected)
-    corners = np.asarray(area, dtype=float)
-    apart_m = np.maximum(at.min(axis=0) - corners.max(axis=0), corners.min(axis=0) - at.max(axis=0))
-    cause = "the area is another survey's, or has x and y exchanged"
-    if np.linalg.norm(np.maximum(apart_m, 0)) > FAR_APART_M:
-        cause = "UTM against local coordinates?"
-    fix = "take the overlay's: outside of the area nothing is mapped"
-    severity = WARNING if share > 0 else ERROR
-    return Finding("survey_area", severity, value, expected, cause, fix)
+    cause = "the area is smaller than what was surveyed, or another survey's"
+    fix = "take the overlay's, unless the rest shall not be mapped"
+    return Finding("survey_area", WARNING, value, expected, cause, fix)
 
 
 def _box(points: Any) -> str:

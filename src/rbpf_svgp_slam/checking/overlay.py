@@ -12,7 +12,7 @@ import numpy as np
 from rbpf_svgp_slam.checking.area_of_beams import area_of_beams
 from rbpf_svgp_slam.checking.facts import ChosenTopics, Facts
 from rbpf_svgp_slam.checking.frames import frames_of_bag
-from rbpf_svgp_slam.checking.motion import twist_disagrees, twist_is_empty
+from rbpf_svgp_slam.checking.motion import twist_is_empty
 from rbpf_svgp_slam.checking.noise import NAMES, motion_noise
 
 #: More beams than this share beyond pings/max_range_m: the bound is raised, with room for more.
@@ -78,17 +78,17 @@ def make_overlay(facts: Facts, defaults: dict[str, Any]) -> Overlay:
     comments[
         "motion"
     ] = f"{noise.source[0].upper()}{noise.source[1:]}. Per square root of a second."
-    _add_velocity(facts, defaults, groups, comments)
+    _add_velocity(facts, groups, comments)
     _add_max_range(facts, defaults, groups, comments)
     return Overlay(groups, comments)
 
 
-def _add_velocity(facts: Facts, defaults: dict[str, Any], groups: dict, comments: dict) -> None:
-    if "velocity" not in defaults["odometry"] or len(facts.odometry["stamp_s"]) < 2:
+def _add_velocity(facts: Facts, groups: dict, comments: dict) -> None:
+    if not len(facts.odometry["stamp_s"]):
         return
     if twist_is_empty(facts.odometry):
         reason = "The odometry's twist is all zeros: the motion is taken from its pose."
-    elif twist_disagrees(facts.odometry):
+    elif any(noted.name == "twist_against_pose" for noted in facts.noted):
         reason = "The odometry's twist contradicts its pose, from which the motion is taken."
     else:
         return

@@ -24,7 +24,6 @@ _EXPLANATIONS = {
         "correct the units; odometry/velocity: pose does without the twist",
     ),
     "implausible_pose": ("the pose jumps, or is not in metres", "see the first example"),
-    "implausible_mount": ("a mount in millimetres, or of another vehicle", "correct /tf_static"),
     "no_beams": (
         "the sonar had no bottom, or ranges lie outside of pings/min_range_m .. max_range_m",
         "nothing, before the dive; else widen these bounds",
@@ -41,7 +40,7 @@ def refusal_findings(facts: Facts) -> list[Finding]:
     """One for each reason; an error where nothing is left."""
     kinds = {
         "odometry": (facts.chosen.odometry, len(facts.odometry["stamp_s"])),
-        "pings": (facts.chosen.pings, _accepted_pings(facts)),
+        "pings": (facts.chosen.pings, len(facts.placed["stamp_s"])),
     }
     found = []
     for name, refused in facts.refused.items():
@@ -65,18 +64,11 @@ def refusal_findings(facts: Facts) -> list[Finding]:
 
 def _told_elsewhere(facts: Facts) -> set[str]:
     """What follows from something that has a finding of its own."""
-    told = {"pings/no_mount"}  # mount
+    told = {"pings/no_mount", "pings/implausible_mount"}  # mount
     if not len(facts.odometry["stamp_s"]):
-        told |= {"pings/no_odometry"}
-        if not facts.chosen.odometry.child_frame:
-            told |= {"odometry/wrong_frame"}  # odometry_frames
+        told |= {"pings/no_odometry", "pings/queue_full", "pings/survey_over"}
     return told
 
 
 def _messages(topic: Topic | None) -> int:
     return topic.messages if topic else 0
-
-
-def _accepted_pings(facts: Facts) -> int:
-    """Pings that maps can be made of."""
-    return int((facts.pings["good"] > 0).sum())

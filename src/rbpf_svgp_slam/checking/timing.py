@@ -21,8 +21,9 @@ def timing_findings(facts: Facts) -> list[Finding]:
     if len(facts.odometry["stamp_s"]) > 1:
         found += [_odometry_rate(facts), _odometry_gaps(facts)]
         found += _clock("odometry", facts.odometry)
-    if len(facts.pings["stamp_s"]) > 1:
+    if len(facts.placed["stamp_s"]) > 1:
         found.append(_ping_rate(facts))
+    if len(facts.pings["stamp_s"]) > 1:
         found += _clock("ping", facts.pings)
     return found
 
@@ -68,8 +69,8 @@ def _odometry_gaps(facts: Facts) -> Finding:
 
 
 def _ping_rate(facts: Facts) -> Finding:
-    usual_s = period_s(facts.pings)
-    steps_s = np.diff(facts.pings["stamp_s"])
+    usual_s = period_s(facts.placed)
+    steps_s = np.diff(facts.placed["stamp_s"])
     longest_s = float(steps_s.max())
     value = f"{1 / usual_s:.3g} Hz" if usual_s > 0 else "several pings of one stamp"
     if longest_s <= max(LONG_PAUSE_S, LONG_PAUSE_PERIODS * usual_s):

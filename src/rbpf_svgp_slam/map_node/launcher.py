@@ -44,10 +44,7 @@ def start_map_nodes(arguments: Sequence[str]) -> int | str:
         nodes = load_parameters("svgp_nodes").nodes
         indices = share_of_host(options.first, options.count, nodes)
         _check_not_running(indices)
-        children.update(
-            (index, subprocess.Popen(_command(index), preexec_fn=end_with_parent))
-            for index in indices
-        )
+        children.update((index, _start(index)) for index in indices)
         return f"svgp_nodes: {_watch(children)}"
     except ParameterError as error:
         return f"svgp_nodes: {error}"
@@ -55,6 +52,12 @@ def start_map_nodes(arguments: Sequence[str]) -> int | str:
         return 0
     finally:
         _stop(children.values())
+
+
+def _start(index: int) -> subprocess.Popen:
+    # In a session of its own: roslaunch interrupts our whole process group, and a node that is
+    # interrupted a second time, by us, may be in the midst of logging the first.
+    return subprocess.Popen(_command(index), start_new_session=True, preexec_fn=end_with_parent)
 
 
 def share_of_host(first: str, count: str, nodes: int) -> range:

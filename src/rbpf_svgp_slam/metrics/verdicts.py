@@ -6,7 +6,7 @@ from typing import Any
 
 
 def verdicts(report: dict[str, Any]) -> list[str]:
-    """Sentences, from the metrics of a report; none if there is nothing to warn of."""
+    """Sentences, from a report; none if there is nothing to warn of."""
     found = []
     for ours, other, sentence in (
         ("ate_rmse_m", "dr_ate_rmse_m", "The filter is worse than dead reckoning: position error"),
@@ -22,4 +22,4 @@ def verdicts(report: dict[str, Any]) -> list[str]:
     lost, taken = report.get("pings_dropped") or 0, report.get("pings") or 0
     if lost:
         found.append(f"{lost} of {lost + taken} pings were lost on the way in.")
-    return found
+    return [*found, *(report.get("findings") or [])]

@@ -19,12 +19,9 @@ from rbpf_svgp_slam.recorder.refusals import refusals
 from rbpf_svgp_slam.recorder.survey_client import fetch_map, fetch_survey
 from rbpf_svgp_slam.run.run_files import engine_predictor, load_terrain
 from rbpf_svgp_slam.run.survey_run import GridMap, StoredMap, SurveyRun
-from rbpf_svgp_slam.run.tracks import interpolate_poses, write_tum
+from rbpf_svgp_slam.run.tracks import write_tum
 from rbpf_svgp_slam.survey_area.grid import cell_centres, grid_points
 from rbpf_svgp_slam.survey_area.polygon import inside, survey_origin
-
-# A longer gap in the ground truth is not bridged: the pings in it have none.
-TRUTH_GAP_S = 5.0
 
 
 def assemble_run(recording: Recording, pings_lost: int, bag: str) -> SurveyRun:
@@ -43,16 +40,12 @@ def assemble_run(recording: Recording, pings_lost: int, bag: str) -> SurveyRun:
     )
     engine = load_map(stored.engine, stored.state)
     predict = engine_predictor(engine, stored.origin_m)
-    truth = None
-    track = recording.ground_truth.track()
-    if track is not None:
-        truth = interpolate_poses(track[:, 0], track[:, 1:], survey.stamp_s, TRUTH_GAP_S)
     run = SurveyRun(
         stamp_s=survey.stamp_s,
         estimate=survey.estimate,
         estimate_std_m=survey.estimate_std_m,
         dead_reckoning=survey.dead_reckoning,
-        ground_truth=truth,
+        ground_truth=recording.ground_truth.at(survey.stamp_s),
         levelled=survey.levelled,
         ping_of_beam=survey.ping_of_beam,
         held_out=survey.held_out,
@@ -63,10 +56,7 @@ def assemble_run(recording: Recording, pings_lost: int, bag: str) -> SurveyRun:
         support_label=engine.support_label,
         stored_map=stored,
         terrain=load_terrain(recording.terrain_file) if recording.terrain_file else None,
-        statistics={
-            **_statistics(recording, survey, pings_lost),
-            "provenance": provenance(bag, survey.stamp_s),
-        },
+        statistics=_statistics(recording, survey, pings_lost, bag),
         status_history=recording.history.series(),
         time_lapse=recording.time_lapse.frames(),
         config=recording.parameter_tree,
@@ -92,7 +82,7 @@ def _grid(area: Polygon, resolution_m: float, predict: Any) -> GridMap:
     return GridMap(x, y, mean.reshape(len(x), len(y)), variance.reshape(len(x), len(y)))
 
 
-def _statistics(recording: Recording, survey: Any, pings_lost: int) -> dict[str, Any]:
+def _statistics(recording: Recording, survey: Any, pings_lost: int, bag: str) -> dict[str, Any]:
     status = recording.statuses[-1]
     peaks_mb = [m.peak_rss_mb for m in recording.map_statuses.values()] + [status.peak_rss_mb]
     dropped = max(int(status.pings_dropped), pings_lost)
@@ -119,7 +109,11 @@ def _statistics(recording: Recording, survey: Any, pings_lost: int) -> dict[str,
         "ping_age_max_s": status.ping_age_max_s,
         "peak_rss_mb": sum(peaks_mb),
         "refused": refusals(status),
+        "findings": list(status.findings),
+        "velocity_source": status.velocity_source,
+        "odometry_gaps": int(status.odometry_gaps),
         "ground_truth_refused": dict(recording.ground_truth.refused),
+        "provenance": provenance(bag, survey.stamp_s),
     }
 
 

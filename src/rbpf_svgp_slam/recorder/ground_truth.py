@@ -9,6 +9,8 @@ from typing import Any, Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rbpf_svgp_slam.run.tracks import interpolate_poses
+
 #: Where a message of each type has its pose. Others are refused.
 POSE_OF: dict[str, Callable[[Any], Any]] = {
     "nav_msgs/Odometry": lambda message: message.pose.pose,
@@ -17,6 +19,8 @@ POSE_OF: dict[str, Callable[[Any], Any]] = {
 }
 #: Of the quaternion's norm: messages carry rounded numbers.
 NORM_TOLERANCE = 0.01
+#: A longer gap is not bridged: the pings in it have no ground truth.
+GAP_S = 5.0
 
 
 class GroundTruth:
@@ -44,6 +48,13 @@ class GroundTruth:
     def track(self) -> np.ndarray | None:
         """Rows [K, 7] of stamp and pose by stamp; none if nothing was taken in."""
         return np.asarray(sorted(self._rows)) if self._rows else None
+
+    def at(self, stamp_s: np.ndarray) -> np.ndarray | None:
+        """Poses [P, 6] at stamps [P], NaN where there are none near; none without any track."""
+        track = self.track()
+        if track is None:
+            return None
+        return interpolate_poses(track[:, 0], track[:, 1:], stamp_s, GAP_S)
 
     def positions(self, most: int) -> list[tuple[float, float, float]]:
         """x y z of at most about so many poses, in the order in which they came."""

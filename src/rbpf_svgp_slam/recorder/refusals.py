@@ -25,4 +25,4 @@ def nothing_taken_in(status: FilterStatus) -> str:
     ]
     if len(lines) == 1:
         lines.append("  nothing was refused: no ping has come")
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"  {finding}" for finding in status.findings)])

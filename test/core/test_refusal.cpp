@@ -3,9 +3,9 @@
 #include <set>
 #include <string>
 
-#include "rbpf_node/inputs/refusal.hpp"
+#include "rbpf_core/refusal.hpp"
 
-namespace rbpf_node {
+namespace rbpf_core {
 namespace {
 
 TEST(NameOf, IsAnotherForEveryKindAndReason) {
@@ -62,4 +62,4 @@ TEST(RefusalCounts, AddUp) {
 }
 
 }  // namespace
-}  // namespace rbpf_node
+}  // namespace rbpf_core

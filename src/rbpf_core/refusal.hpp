@@ -7,9 +7,9 @@
 #include <string>
 #include <utility>
 
-#include "rbpf_node/inputs/input_kind.hpp"
+#include "rbpf_core/input_kind.hpp"
 
-namespace rbpf_node {
+namespace rbpf_core {
 
 enum class Reason {
   // something is wrong with the message
@@ -21,9 +21,15 @@ enum class Reason {
   kDuplicateStamp,
   kOutOfOrder,
   kNoBeams,
+  kClockAhead,
+  kClockBehind,
+  kImplausibleTwist,
+  kImplausiblePose,
+  kImplausibleMount,
   // nothing is, but the node cannot use it
   kNoMount,
   kNoOdometry,
+  kInGap,
   kQueueFull,
   kSurveyOver,
 };
@@ -66,4 +72,4 @@ class RefusalCounts {
   Counts counts_;
 };
 
-}  // namespace rbpf_node
+}  // namespace rbpf_core

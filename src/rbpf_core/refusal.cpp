@@ -1,6 +1,6 @@
-#include "rbpf_node/inputs/refusal.hpp"
+#include "rbpf_core/refusal.hpp"
 
-namespace rbpf_node {
+namespace rbpf_core {
 
 namespace {
 
@@ -22,10 +22,22 @@ const char* nameOf(Reason reason) {
       return "out_of_order";
     case Reason::kNoBeams:
       return "no_beams";
+    case Reason::kClockAhead:
+      return "clock_ahead";
+    case Reason::kClockBehind:
+      return "clock_behind";
+    case Reason::kImplausibleTwist:
+      return "implausible_twist";
+    case Reason::kImplausiblePose:
+      return "implausible_pose";
+    case Reason::kImplausibleMount:
+      return "implausible_mount";
     case Reason::kNoMount:
       return "no_mount";
     case Reason::kNoOdometry:
       return "no_odometry";
+    case Reason::kInGap:
+      return "in_gap";
     case Reason::kQueueFull:
       return "queue_full";
     case Reason::kSurveyOver:
@@ -78,4 +90,4 @@ std::uint64_t RefusalCounts::dropped(InputKind kind) const {
   return messages;
 }
 
-}  // namespace rbpf_node
+}  // namespace rbpf_core

@@ -1,9 +1,9 @@
 #pragma once
 
-namespace rbpf_node {
+namespace rbpf_core {
 
 // What a topic carries. In the order in which inputs of the same stamp are handed on: a ping then
 // need not wait for the next odometry.
 enum class InputKind { kOdometry, kPing };
 
-}  // namespace rbpf_node
+}  // namespace rbpf_core
