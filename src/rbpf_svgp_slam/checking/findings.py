@@ -28,3 +28,8 @@ def worst_first(findings: list[Finding]) -> list[Finding]:
 def count(findings: list[Finding], severity: str) -> int:
     """How many findings are of a severity."""
     return sum(finding.severity == severity for finding in findings)
+
+
+def plural(number: int, noun: str) -> str:
+    """1 gap, 2 gaps."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

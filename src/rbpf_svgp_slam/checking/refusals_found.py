@@ -53,7 +53,7 @@ def refusal_findings(facts: Facts) -> list[Finding]:
             Finding(
                 f"refused_{kind}_{reason}",
                 WARNING if accepted else ERROR,
-                f"{refused.messages} of {_messages(topic)} {kind}; the first: {refused.first}",
+                f"{refused.messages} of {_messages(topic)} messages; the first: {refused.first}",
                 "none" if accepted else "some that are taken",
                 cause,
                 fix,

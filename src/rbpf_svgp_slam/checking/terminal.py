@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding, count, worst_first
+from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding, count, plural, worst_first
 
 _WIDTH = 100
 _LABELS = {ERROR: "ERROR", WARNING: "warning", OK: "ok"}
@@ -22,11 +22,7 @@ def summary(bag: str, findings: list[Finding]) -> str:
     """One line."""
     errors, warnings = count(findings, ERROR), count(findings, WARNING)
     verdict = "SLAM would fail" if errors else "SLAM can run"
-    return f"{bag}: {verdict}: {_plural(errors, 'error')}, {_plural(warnings, 'warning')}"
-
-
-def _plural(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    return f"{bag}: {verdict}: {plural(errors, 'error')}, {plural(warnings, 'warning')}"
 
 
 def _text(finding: Finding, width: int) -> str:

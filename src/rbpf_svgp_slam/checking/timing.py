@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rbpf_svgp_slam.checking.facts import Facts, Table
-from rbpf_svgp_slam.checking.findings import OK, WARNING, Finding
+from rbpf_svgp_slam.checking.findings import OK, WARNING, Finding, plural
 
 #: Of odometry: turns of some seconds must be seen.
 LEAST_RATE_HZ = 2.0
@@ -54,14 +54,14 @@ def _odometry_gaps(facts: Facts) -> Finding:
     steps_s = np.diff(stamps_s)
     gaps = np.flatnonzero(steps_s > bound_s)
     longest = int(np.argmax(steps_s))
-    value = f"longest step {steps_s[longest]:.3g} s, at {stamps_s[longest] - stamps_s[0]:.0f} s"
+    value = f"longest step {_seconds(steps_s[longest])}, at {stamps_s[longest] - stamps_s[0]:.0f} s"
     expected = f"at most {bound_s:g} s (odometry/gap_s)"
     if not len(gaps):
         return Finding("odometry_gaps", OK, value, expected)
     return Finding(
         "odometry_gaps",
         WARNING,
-        f"{len(gaps)} longer ones; {value}",
+        f"{plural(len(gaps), 'gap')}; {value}",
         expected,
         "the recording was paused, the navigation restarted, or messages were lost",
         "if the vehicle was moved meanwhile, cut the bag there: rosbag filter",
@@ -74,15 +74,19 @@ def _ping_rate(facts: Facts) -> Finding:
     longest_s = float(steps_s.max())
     value = f"{1 / usual_s:.3g} Hz" if usual_s > 0 else "several pings of one stamp"
     if longest_s <= max(LONG_PAUSE_S, LONG_PAUSE_PERIODS * usual_s):
-        return Finding("ping_rate", OK, f"{value}, longest pause {longest_s:.2g} s")
+        return Finding("ping_rate", OK, f"{value}, longest pause {_seconds(longest_s)}")
     return Finding(
         "ping_rate",
         WARNING,
-        f"{value}, longest pause {longest_s:.0f} s",
+        f"{value}, longest pause {_seconds(longest_s)}",
         f"pauses of at most {max(LONG_PAUSE_S, LONG_PAUSE_PERIODS * usual_s):.0f} s",
         "the sonar was off, lost the bottom, or messages were lost",
         "nothing, if it was off: dead reckoning goes on without pings",
     )
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.0f} s" if value >= 10 else f"{value:.2f} s"
 
 
 def _clock(name: str, table: Table) -> list[Finding]:
