@@ -8,6 +8,7 @@ setup(
         packages=[
             "rbpf_svgp_slam",
             "rbpf_svgp_slam.bags",
+            "rbpf_svgp_slam.checking",
             "rbpf_svgp_slam.evaluation",
             "rbpf_svgp_slam.experiments",
             "rbpf_svgp_slam.figures",

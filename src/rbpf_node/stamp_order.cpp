@@ -86,13 +86,17 @@ void setTimes(const rbpf_core::ClockParams& clock, StampOrder* order) {
 
 }  // namespace
 
-OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
+void openBag(const std::string& path, rosbag::Bag* bag) {
   try {
     bag->open(path, rosbag::bagmode::Read);
   } catch (const rosbag::BagException& error) {
     throw std::runtime_error(path + " cannot be read: " + error.what() +
                              ". If its recording was cut off, rosbag reindex may mend it");
   }
+}
+
+OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
+  openBag(path, bag);
   return {findTopic(*bag, topics.odometry, rbpf_core::InputKind::kOdometry),
           findTopic(*bag, topics.pings, rbpf_core::InputKind::kPing)};
 }

@@ -33,6 +33,9 @@ struct StampOrder {
   rbpf_core::RefusalCounts refused;
 };
 
+// Opens a bag to be read. Throws std::runtime_error that names it, and what is wrong with it.
+void openBag(const std::string& path, rosbag::Bag* bag);
+
 // Opens a bag and checks that it holds both topics, of types that are taken; returns their names as
 // the bag has them (see topicInBag). Throws std::runtime_error that names the bag, and what is
 // wrong with it.

@@ -1,0 +1,1 @@
+"""What SLAM would meet in a bag: findings, and the overlay that suits it."""
