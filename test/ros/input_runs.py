@@ -111,7 +111,8 @@ class Workshop:
         bag = self.folder / f"{case.name}.bag"
         write_survey(survey, bag)
         out = self.folder / f"{case.name}_{mode}"
-        arguments = [f"bag:={bag}", f"out:={out}", f"config:={self.config}"]
+        # the nodes' own protection is looked at, not check_bag.py's before them
+        arguments = [f"bag:={bag}", f"out:={out}", f"config:={self.config}", "check:=false"]
         arguments += [f"survey:={bag.with_suffix('.survey.yaml')}", *survey.arguments]
         if mode == LIVE:
             arguments.append(f"rate:={rate}")
@@ -225,6 +226,8 @@ def _problems_of_counts(expected: Expected, survey: Survey, run: Run) -> Iterato
     others = set(run.refused) - set(expected.refused)
     if others:
         yield f"refused: {', '.join(sorted(others))}"
+    if not expected.counts_are_known:
+        return
     for kind in ("odometry", "pings"):
         of_kind = [row["count"] for name, row in run.refused.items() if name.startswith(kind)]
         if sum(of_kind) != survey.spoilt[kind]:
