@@ -14,6 +14,8 @@ namespace {
 
 // A ping may come this much later than the odometry of its stamp.
 constexpr double kRecent_s = 10.0;
+// And this much where it is known that it will come: a mount that never comes must not fill memory.
+constexpr double kKeptAtMost_s = 120.0;
 
 bool isFinite(const Odometry& odometry) {
   const Attitude& a = odometry.attitude;
@@ -70,11 +72,17 @@ void ParticleFilter::addOdometry(const Odometry& odometry) {
         std::make_shared<const StampedParticles>(propagate(*recent_.back(), odometry)));
   }
   ++counters_.odometry_messages;
-  while (recent_.size() > 2 && recent_[1]->odometry.stamp_s < odometry.stamp_s - kRecent_s) {
-    recent_.pop_front();
-  }
+  const double keep_since_s =
+      std::clamp(keep_since_s_.value_or(odometry.stamp_s), odometry.stamp_s - kKeptAtMost_s,
+                 odometry.stamp_s - kRecent_s);
+  while (recent_.size() > 2 && recent_[1]->odometry.stamp_s < keep_since_s) recent_.pop_front();
   takeInWaiting();
   releaseHeldBack();
+}
+
+void ParticleFilter::keepOdometrySince(std::optional<double> stamp_s) {
+  const std::lock_guard lock(writer_mutex_);
+  keep_since_s_ = stamp_s;
 }
 
 void ParticleFilter::expectUsable(const Odometry& odometry) {

@@ -35,6 +35,10 @@ class ParticleFilter {
   // it. If too many wait for odometry, it is the oldest of them that is dropped and named.
   void addPing(Ping ping);
 
+  // Pings of this stamp and later ones will yet be added: their odometry is kept, for two minutes
+  // at most. Without a stamp it is kept for some seconds.
+  void keepOdometrySince(std::optional<double> stamp_s);
+
   // Normalised, [J] finite values.
   void setLogWeights(const Eigen::ArrayXd& log_weights);
 
@@ -85,8 +89,9 @@ class ParticleFilter {
 
   std::mutex writer_mutex_;  // guards what follows
   std::vector<RandomStream> motion_streams_;
-  // Of the last few seconds, for pings that come late.
+  // Of the last few seconds, for pings that come late, or since the stamp that was asked for.
   std::deque<StampedParticles::ConstPtr> recent_;
+  std::optional<double> keep_since_s_;
   // Pings by stamp, for which no odometry has come yet.
   std::multimap<double, Ping> waiting_;
   SurveyLog log_;

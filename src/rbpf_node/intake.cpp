@@ -95,6 +95,7 @@ void Intake::take(PingInput input, double receipt_s) {
              " s dropped: no transform from '" + oldest->frame + "' to '" + params_.frames.base +
              "' has come");
   }
+  filter_.keepOdometrySince(unmounted_.earliestStamp());
   lookAtNewPings();
   tellFindings();
 }
@@ -136,6 +137,7 @@ void Intake::takeMounted() {
     if (!T_base_sensor) continue;
     for (const PingInput& ping : unmounted_.take(frame)) takeIn(ping, *T_base_sensor);
   }
+  filter_.keepOdometrySince(unmounted_.earliestStamp());
 }
 
 void Intake::retryUnmounted() {

@@ -14,6 +14,15 @@ std::optional<PingInput> MountQueue::push(PingInput ping) {
   return oldest;
 }
 
+std::optional<double> MountQueue::earliestStamp() const {
+  std::optional<double> earliest_s;
+  for (const PingInput& ping : pings_) {
+    const double stamp_s = ping.stamp.toSec();
+    earliest_s = std::min(earliest_s.value_or(stamp_s), stamp_s);
+  }
+  return earliest_s;
+}
+
 std::vector<std::string> MountQueue::frames() const {
   std::vector<std::string> frames;
   for (const PingInput& ping : pings_) {

@@ -26,6 +26,9 @@ class MountQueue {
 
   std::size_t size() const { return pings_.size(); }
 
+  // The earliest stamp among those that wait, s.
+  std::optional<double> earliestStamp() const;
+
  private:
   const std::size_t capacity_;
   // in the order in which they came

@@ -149,6 +149,27 @@ TEST(LatePing, BeyondThatIsDroppedAndCounted) {
   EXPECT_EQ(filter.snapshot().pings(), 0U);
 }
 
+TEST(LatePing, IsPlacedRightBeyondThatWhereItIsKnownThatItWillCome) {
+  ParticleFilter filter(quietParams());
+  filter.keepOdometrySince(5.0);
+  for (int k = 0; k <= 60; ++k) filter.addOdometry(straight(k));
+  filter.addPing(pingAt(5.5));
+  EXPECT_NEAR(filter.snapshot().record(0).dead_reckoning.x_m, 11.0, 1e-9);
+  EXPECT_THROW(filter.addPing(pingAt(3.5)), Refusal);
+  // and no longer than that
+  filter.keepOdometrySince(std::nullopt);
+  filter.addOdometry(straight(61));
+  EXPECT_THROW(filter.addPing(pingAt(7.5)), Refusal);
+}
+
+TEST(LatePing, IsNotWaitedForForEver) {
+  ParticleFilter filter(quietParams());
+  filter.keepOdometrySince(5.0);
+  for (int k = 0; k <= 200; ++k) filter.addOdometry(straight(k));
+  EXPECT_THROW(filter.addPing(pingAt(5.5)), Refusal);
+  EXPECT_NO_THROW(filter.addPing(pingAt(90.0)));
+}
+
 TEST(LatePing, IsPlacedByTheAncestorsPosesAfterAResampling) {
   ParticleFilter filter(noisyParams(4));
   addOdometry(filter, {0.0, 1.0});

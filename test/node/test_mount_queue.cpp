@@ -33,6 +33,13 @@ TEST(MountQueue, LetsEachFrameGoOnItsOwnInTheOrderInWhichItsPingsCame) {
   EXPECT_EQ(queue.size(), 0U);
 }
 
+TEST(MountQueue, KnowsTheEarliestStamp) {
+  MountQueue queue(10);
+  EXPECT_EQ(queue.earliestStamp(), std::nullopt);
+  for (const double stamp_s : {4.0, 2.0, 3.0}) queue.push(pingAt(stamp_s, "mbes"));
+  EXPECT_EQ(queue.earliestStamp(), 2.0);
+}
+
 TEST(MountQueue, HasNothingForAFrameThatNobodyWaitsFor) {
   MountQueue queue(10);
   queue.push(pingAt(1.0, "mbes"));

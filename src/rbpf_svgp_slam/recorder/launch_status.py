@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import subprocess
 import sys
 
@@ -43,7 +44,11 @@ def main(argv: list[str] | None = None) -> int:
     # roslaunch forgets them when it stops them
     programs = {process.name: process.popen for process in launch.pm.procs}
     launch.spin()
-    return _status(programs, deaths)
+    status = _status(programs, deaths)
+    if status:
+        # the recorder's last words cannot tell who has brought the launch down
+        print("\n".join(deaths.told()), file=sys.stderr)
+    return status
 
 
 class _Deaths(roslaunch.pmon.ProcessListener):
@@ -55,6 +60,16 @@ class _Deaths(roslaunch.pmon.ProcessListener):
     def process_died(self, process_name: str, exit_code: int | None) -> None:
         """Called by roslaunch."""
         self.status_of[process_name] = exit_code
+
+    def told(self) -> list[str]:
+        """A line for each that did not end well."""
+        return [f"run_launch.py: {name} {_end(n)}" for name, n in self.status_of.items() if n]
+
+
+def _end(exit_code: int) -> str:
+    if exit_code > 0:
+        return f"has died with exit status {exit_code}"
+    return f"was killed by {signal.Signals(-exit_code).name}"
 
 
 def _status(programs: dict[str, subprocess.Popen], deaths: _Deaths) -> int:

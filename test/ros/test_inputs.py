@@ -1,0 +1,120 @@
+#!/usr/bin/env python3
+"""Bags as other people have them, against running nodes; and processes that are killed.
+
+tools/inputs.sh runs all cases. These are some of each kind: what is harmless stands together in two
+bags, and what stops a run does so within seconds.
+"""
+
+import os
+import re
+import signal
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import psutil
+import rostest
+from bag_cases.expected import RIGHT, Case
+from bag_cases.registry import CASES
+from input_runs import LIVE, OFFLINE, Workshop, problems
+
+RUNS = (
+    ("harmless_together", OFFLINE),
+    ("harmless_together", LIVE),
+    ("unusual_together", OFFLINE),
+    ("twist_empty", LIVE),
+    ("rates_in_degrees", OFFLINE),
+    ("twist_in_odom_frame", OFFLINE),
+    ("clock_set_late", LIVE),
+    ("sonar_hour_ahead", OFFLINE),
+    ("pings_z_down", LIVE),
+    ("utm_area_local", OFFLINE),
+    ("no_mount", OFFLINE),
+    ("in_a_namespace", LIVE),
+    ("pings_of_another_type", LIVE),
+    ("cut_off_bag", OFFLINE),
+    ("pause_in_recording", LIVE),
+)
+#: For a process to come up, and for a run that has lost one to end.
+PATIENCE_S = 60.0
+UNDER_WAY_S = 3.0
+MAP_NODE_DEAD = r"svgp_node_0 ended with exit status -9[\s\S]*svgp_nodes-\d+ has died"
+
+
+def kill(program, launch_pid):
+    """SIGKILL for the launch's process whose command has this word, once it is under way."""
+    give_up_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < give_up_s:
+        for process in psutil.Process(launch_pid).children(recursive=True):
+            try:
+                words = process.cmdline()
+            except psutil.Error:  # it has just ended
+                continue
+            if any(re.search(rf"(^|/){program}$", word) for word in words):
+                time.sleep(UNDER_WAY_S)
+                os.kill(process.pid, signal.SIGKILL)
+                return
+        time.sleep(0.1)
+    raise AssertionError(f"{program} has not come up")
+
+
+class InputsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.workshop = Workshop(Path(cls.folder.name))
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def check_case(self, name, mode):
+        case = CASES[name]
+        survey, run = self.workshop.run(case, mode)
+        wrong = problems(case, mode, survey, run)
+        self.assertEqual([], wrong, f"\n{run.last_lines}")
+
+    def check_death(self, program, told, mode=LIVE):
+        """A process is killed: the run ends by itself, and its last lines name who has died."""
+        # offline a second of survey then takes about as long
+        slow = {"offline": {"steps_per_second": 2000.0}}
+        case = Case(
+            f"{program}_killed_{mode}",
+            "ends",
+            "",
+            lambda survey: survey.replace(overlay={**survey.overlay, **slow}),
+            RIGHT,
+        )
+        begin_s = time.monotonic()
+        _, run = self.workshop.run(case, mode, lambda pid: kill(program, pid), rate=1)
+        self.assertIsNotNone(run.status, f"it has not ended:\n{run.output}")
+        self.assertNotEqual(run.status, 0, run.output)
+        self.assertLess(time.monotonic() - begin_s, PATIENCE_S, run.output)
+        self.assertRegex(run.last_lines, told)
+
+    def test_the_player_is_killed(self):
+        self.check_death(
+            "play_survey.py", "No report: .*player.*\n.*player-\\d+ was killed by SIGKILL"
+        )
+
+    def test_the_core_is_killed(self):
+        self.check_death("rbpf_core", "rbpf_core-\\d+ was killed by SIGKILL")
+
+    def test_a_map_node_is_killed(self):
+        self.check_death("svgp_node.py", MAP_NODE_DEAD)
+
+    def test_a_map_node_of_an_offline_replay_is_killed(self):
+        self.check_death("svgp_node.py", MAP_NODE_DEAD, OFFLINE)
+
+
+def _test_of(name, mode):
+    return lambda self: self.check_case(name, mode)
+
+
+for _name, _mode in RUNS:
+    setattr(InputsTest, f"test_{_name}_{_mode}", _test_of(_name, _mode))
+
+if __name__ == "__main__":
+    rostest.rosrun("rbpf_svgp_slam", "inputs", InputsTest, sys.argv)
