@@ -12,10 +12,10 @@ import subprocess
 import sys
 from typing import Sequence
 
-import rosbag
 import rosgraph
 from roslib.packages import find_node
 
+from rbpf_svgp_slam.bags.opening import BagError, open_bag
 from rbpf_svgp_slam.bags.topics import TopicError, topic_in_bag
 from rbpf_svgp_slam.processes import end_with_parent
 from rbpf_svgp_slam.protocol import names
@@ -26,13 +26,13 @@ TRANSFORMS = ("/tf", "/tf_static")
 
 
 def play(arguments: Sequence[str]) -> int:
-    """Play the bag to its end; returns rosbag play's exit status, 2 if the bag lacks a topic."""
+    """Play the bag to its end; returns rosbag play's exit status, 2 if there is nothing to play."""
     options = _parse([word for word in arguments if ":=" not in word])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     try:
         command = _command(options)
-    except (TopicError, OSError, rosbag.ROSBagException) as error:
+    except (TopicError, BagError) as error:
         return _tell_end(2, f"{error}")
     player = subprocess.Popen(command, preexec_fn=end_with_parent)
     try:
@@ -57,28 +57,40 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 def _command(options: argparse.Namespace) -> list[str]:
     """rosbag play with the topics that are wanted, each under the name that is subscribed to."""
-    with rosbag.Bag(options.bag) as bag:
+    with open_bag(options.bag) as bag:
         topics = list(bag.get_type_and_topic_info().topics)
     wanted = [(options.odometry, "odometry"), (options.pings, "pings")]
-    played = [(topic_in_bag(name, topics, meaning, options.bag), name) for name, meaning in wanted]
-    try:
-        truth = topic_in_bag(options.ground_truth, topics, "ground truth", options.bag)
-        played.append((truth, options.ground_truth))
-    except TopicError:
-        pass  # it is optional
-    namespace = rosgraph.names.get_ros_namespace()
-    remappings = []
-    for topic, name in played:
-        subscribed = rosgraph.names.resolve_name(name, f"{namespace}{names.PLAYER}")
-        if subscribed != topic:
-            remappings.append(f"{topic}:={subscribed}")
+    played = {
+        _as_subscribed(n): topic_in_bag(_as_subscribed(n), topics, meaning, options.bag)
+        for n, meaning in wanted
+    }
+    for name in (_as_subscribed(options.ground_truth), *TRANSFORMS):
+        try:
+            played[name] = topic_in_bag(name, topics, "", options.bag)
+        except TopicError:
+            pass  # it is optional
+    # in a namespace, too, nodes listen to the one clock
+    played_to = {"clock": "/clock", **{topic: name for name, topic in played.items()}}
+    remappings = [f"{topic}:={name}" for topic, name in played_to.items() if name != topic]
     # not `rosbag play`, a script that would outlive us if we were killed
     [program] = find_node("rosbag", "play")
     command = [program, "--quiet", "--clock", "--hz", "100", "--queue", str(QUEUE)]
     # It waits until everybody listens, so that the first messages are not lost.
     command += ["--rate", options.rate, "--wait-for-subscribers", "--topics"]
-    command += [topic for topic, _ in played] + [topic for topic in TRANSFORMS if topic in topics]
-    return [*command, "--bags", options.bag, f"__name:={names.PLAYER}", *remappings]
+    return [
+        *command,
+        *played.values(),
+        "--bags",
+        options.bag,
+        f"__name:={names.PLAYER}",
+        *remappings,
+    ]
+
+
+def _as_subscribed(topic: str) -> str:
+    """The whole name, by which the filter subscribes to what is given as an argument."""
+    namespace = rosgraph.names.get_ros_namespace()
+    return rosgraph.names.resolve_name(topic, f"{namespace}{names.PLAYER}")
 
 
 def _tell_end(status: int, problem: str) -> int:

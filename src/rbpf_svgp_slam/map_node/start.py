@@ -25,8 +25,14 @@ def start() -> int | str:
 def _run(parameters: NodeParameters) -> int:
     import rospy
 
-    from rbpf_svgp_slam.map_node.node import MapNode
     from rbpf_svgp_slam.maps import make_group
+
+    try:
+        from rbpf_svgp_slam.map_node.node import MapNode
+    except RuntimeError as error:  # torch makes one of an interrupt while it is imported
+        if "KeyboardInterrupt" in str(error):
+            raise KeyboardInterrupt from None
+        raise
 
     try:
         maps = make_group(parameters)

@@ -15,9 +15,8 @@ PACKAGE = "rbpf_svgp_slam"
 RECORDER = "survey_recorder"
 
 _DESCRIPTION = """Run a launch file of rbpf_svgp_slam as roslaunch does, whose own exit status is 0
-however
-a launch ends. This one's is 0 if the run folder was written (without a recorder: if no process
-failed), 1 if not, 2 if nothing could be launched."""
+however a launch ends. This one's is 0 if the run folder was written (without a recorder: if no
+process failed), 1 if not, 2 if nothing could be launched."""
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -7,10 +7,10 @@ import time
 import xmlrpc.client
 from typing import Any, Iterator
 
-import rosbag
 import rosgraph
 import rospy
 
+from rbpf_svgp_slam.bags.opening import open_bag
 from rbpf_svgp_slam.bags.topics import TopicError, topic_in_bag
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.protocol import names
@@ -32,7 +32,7 @@ class _Bag:
 
     def __init__(self, path: str, odometry_topic: str, ping_topic: str) -> None:
         self.path = path
-        with rosbag.Bag(path) as bag:
+        with open_bag(path) as bag:
             self._topics = bag.get_type_and_topic_info().topics
         odometry = topic_in_bag(odometry_topic, self._topics, "odometry (odom_topic)", path)
         pings = topic_in_bag(ping_topic, self._topics, "pings (ping_topic)", path)
@@ -44,7 +44,7 @@ class _Bag:
             topic = topic_in_bag(topic, self._topics, meaning, self.path)
         except TopicError:
             return
-        with rosbag.Bag(self.path) as bag:
+        with open_bag(self.path) as bag:
             for _, message, _ in bag.read_messages(topics=[topic]):
                 yield message, message._type
 

@@ -73,7 +73,7 @@ CASES = [
         "geometry",
         "depth as positive z in the pose",
         depth_positive,
-        finds("seabed_above_sea"),
+        finds("seabed_above_sea", is_near=False),
     ),
     Case("utm", "geometry", "UTM in odometry and area", utm, RIGHT),
     Case(

@@ -73,7 +73,7 @@ def _renamed(survey: Survey, topics: dict[str, str]) -> Survey:
 
 
 def bag_without_slashes(survey: Survey) -> Survey:
-    return _renamed(survey, {topic: topic[1:] for topic in (ODOMETRY, PINGS, TRUTH)})
+    return _renamed(survey, {topic: topic[1:] for topic in (ODOMETRY, PINGS, TRUTH, TF)})
 
 
 def asked_without_slashes(survey: Survey) -> Survey:
