@@ -74,10 +74,8 @@ def main(argv: list[str] | None = None) -> int:
     line = summary(options.bag.name, result.findings)
     if options.quiet_if_good:
         if failed:
-            hint = (
-                f"rosrun rbpf_svgp_slam check_bag.py {options.bag} tells more; check:=false goes on"
-            )
-            print(f"\n{findings_text(_bad(result))}\n\n{line}\n{hint}\n", file=sys.stderr)
+            text = f"{findings_text(_bad(result))}\n\n{line}\n{_hint(options)}"
+            print(f"\n{text}\n", file=sys.stderr)
         print(line)
         return int(failed)
     print(findings_text(result.findings))
