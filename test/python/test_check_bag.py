@@ -106,10 +106,15 @@ def test_a_config_that_does_not_suit_the_bag(outsider, capfd, tmp_path):
         ("motion: {surge_std_m: -1.0}\n", "motion/surge_std_m"),  # which only the core reads
         ("survey_area: [[0, 0]]\n", "expected a polygon"),
         ("survey_area: [\n", "while parsing"),
+        ("motion: {surge_std_m: }\n", "no value that can be sent"),
+        ("motion: 3\n", "motion/surge_std_m"),
+        ("frames: {odom: 3}\n", "frames/odom"),
     ):
         config.write_text(text)
         status, output, _ = run(capfd, outsider, config, "--out", tmp_path / "o.yaml")
-        assert status == 1 and re.search(said, " ".join(output.split())), output
+        found = dict(reversed(pair) for pair in bad(output))
+        assert (status, found["config"]) == (1, "ERROR"), output
+        assert said in " ".join(output.split())
 
 
 def test_bags_that_cannot_be_used(folder, outsider, capfd):
