@@ -3,6 +3,7 @@
 
 import json
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -22,6 +23,9 @@ from std_srvs.srv import Trigger
 from rbpf_svgp_slam.run.tracks import read_tum
 
 PACKAGE = Path(rospkg.RosPack().get_path("rbpf_svgp_slam"))
+sys.path.insert(0, str(PACKAGE / "test" / "python"))
+from outsider_bag import write_outsider_bag  # noqa: E402
+
 REPORT_FIELDS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s real_time_factor "
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
@@ -141,6 +145,27 @@ class Surveys(unittest.TestCase):
             ).group(1)
         )
         self.assertEqual(report["pings"], pings)
+
+    def test_an_outsider_s_bag_needs_no_more_than_the_check(self):
+        bag = Path(self.folder.name) / "outsider.bag"
+        write_outsider_bag(bag, beams=64)
+        checked = subprocess.run(
+            ["rosrun", "rbpf_svgp_slam", "check_bag.py", bag], capture_output=True, text=True
+        )
+        self.assertEqual(checked.returncode, 0, checked.stdout + checked.stderr)
+        command = shlex.split(checked.stdout.splitlines()[-1])
+        # SMALL only saves time; its noise is not what the overlay says
+        effort = Path(self.folder.name) / "effort.yaml"
+        effort.write_text(yaml.safe_dump({k: v for k, v in SMALL.items() if k != "motion"}))
+        status, output = launch(*command[2:], f"survey:={effort}")
+        self.assertEqual(status, 0, output)
+        report = json.loads((bag.with_suffix("") / "report.json").read_text())
+        self.assertEqual(report["pings"], 416, output)  # every twelfth of 5000 odometry messages
+        self.assertEqual(report["velocity_source"], "pose")
+        self.assertEqual(report["refused"], {})
+        # 0.06 m per sqrt(s) over 100 s
+        self.assertLess(report["ate_rmse_m"], 2.0)
+        self.assertGreater(report["loop_closure_prompts"], 0, output)
 
     def test_the_other_ways_to_learn(self):
         for name, changes in (

@@ -11,7 +11,8 @@ from rbpf_svgp_slam.checking.facts import Facts
 FAR_TIMES, NEARLY_ALL = 2.0, 95.0
 #: A box along x and y is taken if it is not larger by this factor than the smallest box.
 STRAIGHT_FACTOR = 1.25
-#: Corners are rounded to whole metres, which moves them by up to 0.71 m.
+#: Corners are rounded to whole metres, which moves them by up to 0.71 m; beams on the very edge
+#: would count as outside.
 ROUNDING_M = 1.0
 
 
@@ -53,7 +54,7 @@ def _size(box: np.ndarray) -> float:
 def _rounded(box: np.ndarray, angle: float) -> list[list[float]]:
     """The corners in map, outwards."""
     if angle == 0.0:
-        (x0, y0), (x1, y1) = np.floor(box[0]), np.ceil(box[1])
+        (x0, y0), (x1, y1) = np.floor(box[0] - ROUNDING_M / 2), np.ceil(box[1] + ROUNDING_M / 2)
     else:
         (x0, y0), (x1, y1) = box[0] - ROUNDING_M, box[1] + ROUNDING_M
     x1, y1 = max(x1, x0 + ROUNDING_M), max(y1, y0 + ROUNDING_M)

@@ -74,10 +74,8 @@ def main(argv: list[str] | None = None) -> int:
     line = summary(options.bag.name, result.findings)
     if options.quiet_if_good:
         if failed:
-            hint = (
-                f"rosrun rbpf_svgp_slam check_bag.py {options.bag} tells more; check:=false goes on"
-            )
-            print(f"\n{findings_text(_bad(result))}\n\n{line}\n{hint}\n", file=sys.stderr)
+            text = f"{findings_text(_bad(result))}\n\n{line}\n{_hint(options)}"
+            print(f"\n{text}\n", file=sys.stderr)
         print(line)
         return int(failed)
     print(findings_text(result.findings))
@@ -133,8 +131,11 @@ def check(options: argparse.Namespace) -> Check:
     read_with["survey_area"] = tree["survey_area"] or _ANY_AREA
     try:
         result.facts = inspect(options.bag, topics, chosen, read_with)
-    except (BagError, ParameterError) as error:
+    except BagError as error:
         result.findings.append(Finding("bag", ERROR, f"{error}", "one that can be read"))
+        return result
+    except ParameterError as error:  # of what only the core looks at
+        result.findings.append(_config_finding(error))
         return result
     result.findings += judge(result.facts, tree)
     return result
@@ -171,13 +172,15 @@ def _parameters(options: argparse.Namespace, result: Check) -> dict[str, Any]:
             result.findings.append(_NO_AREA)
         validate({**tree, "survey_area": tree["survey_area"] or _ANY_AREA})
     except (OSError, UnicodeDecodeError, yaml.YAMLError, ParameterError) as error:
-        text = " ".join(str(error).split())
-        fix = "check_bag.py without a config writes one that suits the bag"
-        result.findings.append(
-            Finding("config", ERROR, text, "an overlay on config/default.yaml", "", fix)
-        )
+        result.findings.append(_config_finding(error))
         return defaults
     return tree
+
+
+def _config_finding(error: Exception) -> Finding:
+    text = " ".join(str(error).split())
+    fix = "check_bag.py without a config writes one that suits the bag"
+    return Finding("config", ERROR, text, "an overlay on config/default.yaml", "", fix)
 
 
 def _hint(options: argparse.Namespace) -> str:

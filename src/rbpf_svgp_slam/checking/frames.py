@@ -13,11 +13,16 @@ from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding
 def frames_of_bag(odometry: Topic, frames: dict[str, str]) -> dict[str, str]:
     """What must be set of the group `frames`, so that the odometry is taken."""
     needed = {}
-    if odometry.frame.lstrip("/") not in {frames[name].lstrip("/") for name in ("odom", "map")}:
+    if odometry.frame and odometry.frame not in {_plain(frames[name]) for name in ("odom", "map")}:
         needed["odom"] = odometry.frame
-    if odometry.child_frame and odometry.child_frame != frames["base"].lstrip("/"):
+    if odometry.child_frame and odometry.child_frame != _plain(frames["base"]):
         needed["base"] = odometry.child_frame
     return needed
+
+
+def _plain(frame: object) -> str:
+    """As tf2 knows it: names of old began with a slash."""
+    return str(frame).removeprefix("/")
 
 
 def odometry_frame_findings(
@@ -31,7 +36,7 @@ def odometry_frame_findings(
     expected = f"'{frames['odom']}' → '{frames['base']}' (frames/odom, frames/base)"
     needed = frames_of_bag(odometry, frames)
     if not needed:
-        if odometry.frame == frames["map"]:
+        if odometry.frame == _plain(frames["map"]):
             value += ": given in map, taken as it is"
         if not odometry.child_frame:
             value += f": no child_frame_id, taken for '{frames['base']}'"

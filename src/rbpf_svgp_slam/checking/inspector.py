@@ -44,8 +44,11 @@ def inspect(
 
 
 def _as_xml(parameters: dict[str, Any]) -> str:
-    """A tree as the parameter server sends it."""
-    text = xmlrpc.client.dumps((parameters,))
+    """A tree as the parameter server sends it; raises ParameterError."""
+    try:
+        text = xmlrpc.client.dumps((parameters,))
+    except (TypeError, OverflowError) as error:
+        raise ParameterError(f"a parameter has no value that can be sent: {error}") from None
     return text[text.index("<value>") : text.rindex("</param>")]
 
 

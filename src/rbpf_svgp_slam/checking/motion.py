@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rbpf_svgp_slam.checking.facts import Facts, Table
-from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding
+from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding, plural
 
 _TWIST = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 
@@ -39,7 +39,7 @@ def _track(facts: Facts) -> Finding:
         return Finding("track", WARNING, value, "a vehicle that moves", cause)
     if not jumps.any():
         return Finding("track", OK, value, expected)
-    value += f"; {jumps.sum()} jumps, the largest {steps_m[jumps].max():.1f} m"
+    value += f"; {plural(int(jumps.sum()), 'jump')}, the largest {steps_m[jumps].max():.1f} m"
     cause = "the pose is corrected by GPS or reset; or it is not in metres"
     if jumps.mean() > 0.5:
         cause = "the pose is not in metres: millimetres, or degrees of latitude"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +38,10 @@ class Overlay:
         for name, value in self.groups.items():
             lines += [f"# {line}" for line in self.comments[name].splitlines()]
             if isinstance(value, dict):
-                lines += [f"{name}:", *(f"  {key}: {item}" for key, item in value.items())]
+                lines += [
+                    f"{name}:",
+                    *(f"  {key}: {json.dumps(item)}" for key, item in value.items()),
+                ]
             else:
                 lines.append(f"{name}: {value}")
             lines.append("")
