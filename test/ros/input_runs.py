@@ -116,8 +116,7 @@ class Workshop:
         arguments += [f"survey:={bag.with_suffix('.survey.yaml')}", *survey.arguments]
         if mode == LIVE:
             arguments.append(f"rate:={rate}")
-        # the nodes are on trial, not what would keep such bags from them
-        command = [LAUNCH_FILES[mode], *arguments, "check:=false"]
+        command = [LAUNCH_FILES[mode], *arguments]
         run = launch(command, self.time_limit_s, survey.namespace, while_it_runs)
         report = out / "report.json"
         if report.is_file():
