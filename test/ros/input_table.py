@@ -99,8 +99,7 @@ def summary(run: Run) -> str:
 
 def _gist(lines: str) -> str:
     """What the run has said of its end, without paths and times."""
-    after = re.search(r"No report: ([\s\S]*)", lines)
-    text = " ".join((after.group(1) if after else lines.splitlines()[-1] if lines else "").split())
+    text = " ".join(lines.rpartition("No report: ")[2].split("run_launch.py:")[0].split())
     text = re.sub(r"/\S*/(?=[^/\s]+\.bag)", "", text)
     return text if len(text) <= MOST_CHARACTERS else text[: MOST_CHARACTERS - 1] + "…"
 
