@@ -72,6 +72,7 @@ void Intake::take(const OdometryInput& input, double receipt_s) {
              input.stamp.toSec(), by_pose ? "the difference of the poses" : "the mean twist");
   }
   last_odometry_ = input.stamp;
+  odometry_frame_ = input.frame;
   checks_.add(odometry);
   lookAtNewPings();
   tellFindings();
@@ -86,6 +87,12 @@ void Intake::take(PingInput input, double receipt_s) {
   if (const auto refusal = gate(stamp_s, receipt_s).checkPing(stamp_s, input.frame, receipt_s)) {
     throw *refusal;
   }
+  if (input.frame == params_.frames.odom || input.frame == params_.frames.map) {
+    takePlaced(input);
+    lookAtNewPings();
+    tellFindings();
+    return;
+  }
   takeMounted();  // older ones first
   if (const auto T_base_sensor = mountOf(input.frame)) {
     takeIn(input, *T_base_sensor);
@@ -98,6 +105,18 @@ void Intake::take(PingInput input, double receipt_s) {
   filter_.keepOdometrySince(unmounted_.earliestStamp());
   lookAtNewPings();
   tellFindings();
+}
+
+// Beams that a driver has placed already: the odometry's own pose takes them back.
+void Intake::takePlaced(const PingInput& input) {
+  if (input.frame != odometry_frame_.value_or(input.frame)) {
+    throw Refusal(Reason::kWrongFrame, "ping's header.frame_id is '" + input.frame +
+                                           "', expected the sensor's frame, or '" +
+                                           *odometry_frame_ + "', the odometry's");
+  }
+  rbpf_core::Ping ping = toPing(input, Eigen::Isometry3d::Identity());
+  ping.in_odometry_frame = true;
+  add(std::move(ping));
 }
 
 std::optional<Eigen::Isometry3d> Intake::mountOf(const std::string& frame) {
@@ -117,8 +136,12 @@ std::optional<Eigen::Isometry3d> Intake::mountOf(const std::string& frame) {
 }
 
 void Intake::takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor) {
+  add(toPing(ping, T_base_sensor));
+}
+
+void Intake::add(rbpf_core::Ping ping) {
   try {
-    filter_.addPing(toPing(ping, T_base_sensor));
+    filter_.addPing(std::move(ping));
   } catch (const Refusal& refusal) {  // the filter has counted it
     ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", refusal.what());
   }
