@@ -111,12 +111,12 @@ class Workshop:
         bag = self.folder / f"{case.name}.bag"
         write_survey(survey, bag)
         out = self.folder / f"{case.name}_{mode}"
-        arguments = [f"bag:={bag}", f"out:={out}", f"config:={self.config}"]
+        # the nodes' own protection is looked at, not check_bag.py's before them
+        arguments = [f"bag:={bag}", f"out:={out}", f"config:={self.config}", "check:=false"]
         arguments += [f"survey:={bag.with_suffix('.survey.yaml')}", *survey.arguments]
         if mode == LIVE:
             arguments.append(f"rate:={rate}")
-        # the nodes are on trial, not what would keep such bags from them
-        command = [LAUNCH_FILES[mode], *arguments, "check:=false"]
+        command = [LAUNCH_FILES[mode], *arguments]
         run = launch(command, self.time_limit_s, survey.namespace, while_it_runs)
         report = out / "report.json"
         if report.is_file():
@@ -226,6 +226,8 @@ def _problems_of_counts(expected: Expected, survey: Survey, run: Run) -> Iterato
     others = set(run.refused) - set(expected.refused)
     if others:
         yield f"refused: {', '.join(sorted(others))}"
+    if not expected.counts_are_known:
+        return
     for kind in ("odometry", "pings"):
         of_kind = [row["count"] for name, row in run.refused.items() if name.startswith(kind)]
         if sum(of_kind) != survey.spoilt[kind]:

@@ -7,6 +7,7 @@ import argparse
 import re
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Iterable
 
@@ -30,14 +31,14 @@ def main() -> int:
     add("--live", action="store_true", help="replay each bag through the live nodes, too")
     add("--write", action="store_true", help=f"put the table into {DOCUMENT.name}")
     add("--time-limit", type=float, default=TIME_LIMIT_S, metavar="SECONDS", help="of a run")
+    add("--jobs", type=int, default=1, help="runs at a time; each waits more than it computes")
     add("--folder", type=Path, help="where bags, outputs and run folders are kept")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        modes = (OFFLINE, LIVE) if options.live else (OFFLINE,)
         workshop = Workshop(folder.resolve(), options.time_limit)
-        rows, wrong = _rows(workshop, options.only, modes)
+        rows, wrong = _rows(workshop, options)
     if options.write:
         write_table(rows)
     if wrong:
@@ -45,24 +46,33 @@ def main() -> int:
     return 1 if wrong else 0
 
 
-def _rows(workshop: Workshop, names: Iterable[str], modes: tuple[str, ...]) -> tuple[list, list]:
+def _rows(workshop: Workshop, options: argparse.Namespace) -> tuple[list[str], list[str]]:
     """Rows of the table, which are printed as they come, and what was not as expected."""
     print(HEAD, flush=True)
     rows, wrong = [], []
-    for name in names:
-        case, results, odd = CASES[name], {}, []
-        for mode in modes:
-            if mode == LIVE and case.not_live:
-                results[mode] = f"{NOT_RUN} ({case.not_live})"
-                continue
-            survey, run = workshop.run(case, mode)
-            (workshop.folder / f"{name}_{mode}.log").write_text(run.output, encoding="utf-8")
-            results[mode] = summary(run)
-            odd += [f"{mode}: {problem}" for problem in problems(case, mode, survey, run)]
-        rows.append(_row(case, results, odd))
-        wrong += [f"{name}, {problem}" for problem in odd]
-        print(rows[-1], flush=True)
+    modes = (OFFLINE, LIVE) if options.live else (OFFLINE,)
+    with ThreadPoolExecutor(options.jobs) as pool:
+        for name, (results, odd) in zip(
+            options.only, pool.map(lambda name: _try(workshop, CASES[name], modes), options.only)
+        ):
+            rows.append(_row(CASES[name], results, odd))
+            wrong += [f"{name}, {problem}" for problem in odd]
+            print(rows[-1], flush=True)
     return rows, wrong
+
+
+def _try(workshop: Workshop, case: Case, modes: Iterable[str]) -> tuple[dict, list[str]]:
+    """What has come of a case in each mode, and what was not as expected."""
+    results, odd = {}, []
+    for mode in modes:
+        if mode == LIVE and case.not_live:
+            results[mode] = f"{NOT_RUN} ({case.not_live})"
+            continue
+        survey, run = workshop.run(case, mode)
+        (workshop.folder / f"{case.name}_{mode}.log").write_text(run.output, encoding="utf-8")
+        results[mode] = summary(run)
+        odd += [f"{mode}: {problem}" for problem in problems(case, mode, survey, run)]
+    return results, odd
 
 
 def _row(case: Case, results: dict[str, str], odd: list[str]) -> str:

@@ -73,6 +73,7 @@ def _end(exit_code: int) -> str:
 
 def _status(programs: dict[str, subprocess.Popen], deaths: _Deaths) -> int:
     for name, program in programs.items():
-        if name.startswith(RECORDER):
+        # its namespace is before the name, and a number after it
+        if name.rsplit("/", 1)[-1].startswith(RECORDER):
             return 0 if program.returncode == 0 else 1
     return 1 if any(deaths.status_of.values()) else 0

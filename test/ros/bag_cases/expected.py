@@ -16,6 +16,8 @@ class Expected:
     stops: str = ""
     #: Reasons of refusals. Together they must count the messages that the case has spoilt.
     refused: tuple[str, ...] = ()
+    #: No: what is spoilt costs others, too.
+    counts_are_known: bool = True
     #: Names of findings that the report must hold; no others may be there.
     finds: tuple[str, ...] = ()
     #: Further values in the report.

@@ -68,6 +68,7 @@ def laser_scans(survey: Survey) -> Survey:
 
     def scan(message: PointCloud2, _: float) -> LaserScan:
         points = beams(message)
+        points = points[np.isfinite(points).all(axis=1)]
         down, left = -points[:, 2], points[:, 1]
         angle, range_m = np.arctan2(left, down), np.hypot(left, down)
         order = np.argsort(angle)

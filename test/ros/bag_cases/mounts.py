@@ -79,7 +79,8 @@ def mount_on_tf(survey: Survey) -> Survey:
     more = []
     for k in range(int(10 * (survey.recorded[-1].time.to_sec() - survey.begin_s))):
         message, time = copy.deepcopy(static), rospy.Time.from_sec(survey.begin_s + 0.1 * k)
-        message.transforms[0].header.stamp = time
+        for transform in message.transforms:
+            transform.header.stamp = time
         more.append(Recorded(TF, message, time))
     return insert(survey, more)
 
