@@ -3,6 +3,7 @@
 #include <ros/console.h>
 #include <tf2_eigen/tf2_eigen.h>
 
+#include <string>
 #include <utility>
 
 namespace rbpf_node {
@@ -16,6 +17,12 @@ namespace {
 constexpr double kWarningPeriod_s = 5.0;
 // The year 2000: a clock that shows less has never been set.
 constexpr double kClockIsSet_s = 946684800.0;
+
+// tf ignores transforms with broken quaternions, and says so on its own.
+std::string noWay(const std::string& frame, const std::string& base) {
+  return "no transform from '" + frame + "' to '" + base +
+         "' has come, or none whose quaternion is of length 1";
+}
 
 }  // namespace
 
@@ -99,8 +106,7 @@ void Intake::take(PingInput input, double receipt_s) {
   } else if (const auto oldest = unmounted_.push(std::move(input))) {
     note(InputKind::kPing, Reason::kNoMount,
          "ping of stamp " + std::to_string(oldest->stamp.toSec()) +
-             " s dropped: no transform from '" + oldest->frame + "' to '" + params_.frames.base +
-             "' has come");
+             " s dropped: " + noWay(oldest->frame, params_.frames.base));
   }
   filter_.keepOdometrySince(unmounted_.earliestStamp());
   lookAtNewPings();
@@ -186,8 +192,7 @@ void Intake::finish() {
     for (const PingInput& ping : unmounted_.take(frame)) {
       note(InputKind::kPing, Reason::kNoMount,
            "ping of stamp " + std::to_string(ping.stamp.toSec()) +
-               " s dropped at the survey's end: no transform from '" + frame + "' to '" +
-               params_.frames.base + "' has come");
+               " s dropped at the survey's end: " + noWay(frame, params_.frames.base));
     }
   }
   filter_.finish();
