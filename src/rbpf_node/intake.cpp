@@ -195,6 +195,8 @@ void Intake::finish() {
                " s dropped at the survey's end: " + noWay(frame, params_.frames.base));
     }
   }
+  // changes that no ping has come after
+  for (const std::string& frame : mounts_.framesInUse()) mountOf(frame);
   filter_.finish();
   lookAtNewPings();
   checks_.finish();
