@@ -52,6 +52,12 @@ void MountGate::noteChange(const std::string& frame, const Eigen::Isometry3d& no
                   " rad; the first stays in use. Do two nodes publish it, or does it move?"});
 }
 
+std::vector<std::string> MountGate::framesInUse() const {
+  std::vector<std::string> frames;
+  for (const auto& [frame, T_base_sensor] : in_use_) frames.push_back(frame);
+  return frames;
+}
+
 std::vector<Finding> MountGate::findings() const {
   std::vector<Finding> findings;
   for (const auto& [frame, finding] : changed_) findings.push_back(finding);

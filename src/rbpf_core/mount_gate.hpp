@@ -26,6 +26,8 @@ class MountGate {
   // Only for frames of which check() has said nothing bad.
   const Eigen::Isometry3d& inUse(const std::string& frame) const { return in_use_.at(frame); }
 
+  std::vector<std::string> framesInUse() const;
+
   // Mounts that have changed since they came into use, the first change of each.
   std::vector<Finding> findings() const;
 

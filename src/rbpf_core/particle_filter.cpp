@@ -194,6 +194,7 @@ StampedParticles ParticleFilter::particlesAt(double stamp_s) const {
   const double share = (stamp_s - a.odometry.stamp_s) / (b.odometry.stamp_s - a.odometry.stamp_s);
   StampedParticles between = a;
   between.odometry.stamp_s = stamp_s;
+  between.odometry.pose = interpolate(a.odometry.pose, b.odometry.pose, share);
   between.odometry.attitude = interpolate(a.odometry.attitude, b.odometry.attitude, share);
   between.dead_reckoning = interpolate(a.dead_reckoning, b.dead_reckoning, share);
   for (std::size_t j = 0; j < between.poses.size(); ++j) {
@@ -206,7 +207,9 @@ void ParticleFilter::takeIn(const Ping& ping) {
   expectPoseAt(ping);
   const StampedParticles particles = particlesAt(ping.stamp_s);
   const Attitude& attitude = particles.odometry.attitude;
-  const Beams beams = goodBeams(ping, attitude, params_.pings);
+  const Beams beams =
+      goodBeams(ping.in_odometry_frame ? inBaseLink(ping, particles.odometry) : ping, attitude,
+                params_.pings);
   counters_.beams_rejected += static_cast<std::uint64_t>(ping.beams_m.cols() - beams.cols());
   if (beams.cols() == 0) {
     throw refuse(InputKind::kPing, Reason::kNoBeams,

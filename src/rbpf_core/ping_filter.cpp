@@ -1,5 +1,6 @@
 #include "rbpf_core/ping_filter.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -94,6 +95,19 @@ Beams levelBeams(const Beams& beams_base_m, const Attitude& attitude) {
   Beams levelled = rotation * beams_base_m;
   levelled.row(2).array() += static_cast<float>(attitude.z_m);
   return levelled;
+}
+
+Ping inBaseLink(const Ping& ping, const Odometry& odometry) {
+  const Attitude& attitude = odometry.attitude;
+  const Eigen::Matrix3d R_odom_base =
+      Eigen::AngleAxisd(odometry.pose.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
+      levelRotation(attitude.roll_rad, attitude.pitch_rad);
+  const Eigen::Vector3d base_m(odometry.pose.x_m, odometry.pose.y_m, attitude.z_m);
+  Ping own = ping;
+  own.in_odometry_frame = false;
+  own.beams_m =
+      (R_odom_base.transpose() * (ping.beams_m.cast<double>().colwise() - base_m)).cast<float>();
+  return own;
 }
 
 Beams goodBeams(const Ping& ping, const Attitude& attitude, const PingFilterParams& params) {

@@ -19,6 +19,10 @@ struct PingFilterParams {
 // The ping's beams in the levelled body frame: x, y relative to base_link, z in map; NaN stays NaN.
 Beams levelBeams(const Beams& beams_base_m, const Attitude& attitude);
 
+// A ping whose beams are given in the odometry's frame, with its beams in base_link; odometry: at
+// the ping's stamp.
+Ping inBaseLink(const Ping& ping, const Odometry& odometry);
+
 // The good beams of a ping, in their order: finite, within range, and not an outlier. An outlier's
 // z is more than `outlier_threshold` robust standard deviations (1.4826 x the median absolute
 // deviation over the ping, at least 5 cm) away both from the running median of its neighbourhood

@@ -46,6 +46,9 @@ struct Ping {
   Eigen::Vector3f sensor_m = Eigen::Vector3f::Zero();
   // [3, n] in base_link; may hold NaN.
   Beams beams_m;
+  // The beams are given in the odometry's own frame instead, as of a driver that has placed them
+  // with its pose at the ping's stamp; they are taken back by it. Ranges count from base_link then.
+  bool in_odometry_frame = false;
 };
 
 // A ping and where each particle saw it.

@@ -85,7 +85,8 @@ void BagInspection::read(const rosbag::Bag& bag, const OfflineTopics& topics) {
   const StampOrder order = inStampOrder(bag, topics, params_.gate.clock);
   intake_.setClockOffset(order.clock_offset_s);
   intake_.refuse(order.refused);
-  for (const auto& mount : mountsIn(bag, params_.frames, order.ping_frames)) {
+  const Mounts mounts = mountsIn(bag, params_.frames, order.ping_frames);
+  for (const auto& mount : mounts.first) {
     transforms_.setTransform(mount, bag.getFileName(), true);
     links_.push_back(json::texts({mount.header.frame_id, mount.child_frame_id}));
   }
@@ -96,6 +97,9 @@ void BagInspection::read(const rosbag::Bag& bag, const OfflineTopics& topics) {
   for (const StampedMessage& message : order.messages) {
     takeIn(message);
     tabulatePlaced();
+  }
+  for (const auto& mount : mounts.changed) {
+    transforms_.setTransform(mount, bag.getFileName(), true);
   }
   intake_.finish();
   tabulatePlaced();

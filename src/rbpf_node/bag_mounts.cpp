@@ -1,11 +1,11 @@
 #include "rbpf_node/bag_mounts.hpp"
 
-#include <ros/console.h>
 #include <rosbag/view.h>
 #include <tf2_eigen/tf2_eigen.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <utility>
@@ -16,14 +16,16 @@ namespace {
 
 using geometry_msgs::TransformStamped;
 
-// What a mount may move by, rounding included, before it is none.
+// What a mount may move by, rounding included, before it is another.
 constexpr double kStill_m = 1e-3;
 constexpr double kStill_rad = 1e-3;
+// of a quaternion's squared norm, as tf2 has it
+constexpr double kNormTolerance = 0.01;
 
 struct Link {
-  TransformStamped transform;
+  TransformStamped first;
   bool is_static;
-  bool moves = false;
+  std::optional<TransformStamped> changed = std::nullopt;
 };
 
 // by child frame
@@ -37,22 +39,25 @@ bool differ(const TransformStamped& a, const TransformStamped& b) {
          (T_a.translation() - T_b.translation()).norm() > kStill_m || turn.angle() > kStill_rad;
 }
 
+bool isRotation(const geometry_msgs::Quaternion& q) {
+  // false for NaN
+  return std::abs(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1.0) <= kNormTolerance;
+}
+
 void addTopic(const rosbag::Bag& bag, const std::string& topic, bool is_static, Links* links) {
   for (const rosbag::MessageInstance& instance : rosbag::View(bag, rosbag::TopicQuery(topic))) {
     const auto message = instance.instantiate<tf2_msgs::TFMessage>();
     if (!message) continue;  // of another type
     for (TransformStamped transform : message->transforms) {
+      if (!isRotation(transform.transform.rotation)) continue;
       transform.header.frame_id = withoutSlash(transform.header.frame_id);
       transform.child_frame_id = withoutSlash(transform.child_frame_id);
       const auto [known, is_new] =
           links->try_emplace(transform.child_frame_id, Link{transform, is_static});
-      if (is_new) continue;
       Link& link = known->second;
-      if (is_static) {
-        link.transform = transform;  // the last word on it, as tf2 has it
-      } else if (!link.is_static && !link.moves) {
-        link.moves = differ(link.transform, transform);
-      }
+      // what is static outranks /tf
+      const bool is_same_kind = link.is_static == is_static;
+      if (!is_new && is_same_kind && differ(link.first, transform)) link.changed = transform;
     }
   }
 }
@@ -61,7 +66,7 @@ void addTopic(const rosbag::Bag& bag, const std::string& topic, bool is_static, 
 std::vector<std::string> lineOf(const std::string& frame, const Links& links) {
   std::vector<std::string> line = {frame};
   for (auto link = links.find(frame); link != links.end(); link = links.find(line.back())) {
-    const std::string& parent = link->second.transform.header.frame_id;
+    const std::string& parent = link->second.first.header.frame_id;
     if (std::find(line.begin(), line.end(), parent) != line.end()) break;  // a circle
     line.push_back(parent);
   }
@@ -95,12 +100,16 @@ bool allMounted(const std::set<std::string>& sensors, const Links& links, const 
 
 }  // namespace
 
-std::vector<TransformStamped> mountsIn(const rosbag::Bag& bag, const Frames& frames,
-                                       const std::set<std::string>& sensors) {
+Mounts mountsIn(const rosbag::Bag& bag, const Frames& frames,
+                const std::set<std::string>& sensors) {
   Links links;
+  Mounts mounts;
+  const auto add = [&mounts](const Link& link) {
+    mounts.first.push_back(link.first);
+    if (link.changed) mounts.changed.push_back(*link.changed);
+  };
   addTopic(bag, "/tf_static", true, &links);
-  std::vector<TransformStamped> mounts;
-  for (const auto& [child, link] : links) mounts.push_back(link.transform);
+  for (const auto& [child, link] : links) add(link);
   // /tf is long, and most bags need nothing of it
   if (allMounted(sensors, links, frames)) return mounts;
   addTopic(bag, "/tf", false, &links);
@@ -111,14 +120,7 @@ std::vector<TransformStamped> mountsIn(const rosbag::Bag& bag, const Frames& fra
       if (!links.at(child).is_static) of_tf.insert(child);
     }
   }
-  for (const std::string& child : of_tf) {
-    const Link& link = links.at(child);
-    mounts.push_back(link.transform);
-    ROS_WARN_COND(
-        link.moves,
-        "'%s' moves on '%s' in /tf; an offline replay mounts sensors where they are first",
-        child.c_str(), link.transform.header.frame_id.c_str());
-  }
+  for (const std::string& child : of_tf) add(links.at(child));
   return mounts;
 }
 

@@ -12,10 +12,15 @@
 
 namespace rbpf_node {
 
+struct Mounts {
+  std::vector<geometry_msgs::TransformStamped> first;
+  // the last of those that differ from the first of their frame
+  std::vector<geometry_msgs::TransformStamped> changed;
+};
+
 // All transforms of /tf_static and, for sensors to which those do not lead from the base frame,
-// those of /tf that do: the first of each, with a warning if a later one differs. A way through
-// odom or map is no mount, for the vehicle moves there.
-std::vector<geometry_msgs::TransformStamped> mountsIn(const rosbag::Bag& bag, const Frames& frames,
-                                                      const std::set<std::string>& sensors);
+// those of /tf that do. A way through odom or map is no mount, for the vehicle moves there; nor is
+// what tf2 would ignore, with a quaternion that is no rotation.
+Mounts mountsIn(const rosbag::Bag& bag, const Frames& frames, const std::set<std::string>& sensors);
 
 }  // namespace rbpf_node

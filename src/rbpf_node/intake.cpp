@@ -3,6 +3,7 @@
 #include <ros/console.h>
 #include <tf2_eigen/tf2_eigen.h>
 
+#include <string>
 #include <utility>
 
 namespace rbpf_node {
@@ -16,6 +17,12 @@ namespace {
 constexpr double kWarningPeriod_s = 5.0;
 // The year 2000: a clock that shows less has never been set.
 constexpr double kClockIsSet_s = 946684800.0;
+
+// tf ignores transforms with broken quaternions, and says so on its own.
+std::string noWay(const std::string& frame, const std::string& base) {
+  return "no transform from '" + frame + "' to '" + base +
+         "' has come, or none whose quaternion is of length 1";
+}
 
 }  // namespace
 
@@ -72,6 +79,7 @@ void Intake::take(const OdometryInput& input, double receipt_s) {
              input.stamp.toSec(), by_pose ? "the difference of the poses" : "the mean twist");
   }
   last_odometry_ = input.stamp;
+  odometry_frame_ = input.frame;
   checks_.add(odometry);
   lookAtNewPings();
   tellFindings();
@@ -86,18 +94,35 @@ void Intake::take(PingInput input, double receipt_s) {
   if (const auto refusal = gate(stamp_s, receipt_s).checkPing(stamp_s, input.frame, receipt_s)) {
     throw *refusal;
   }
+  if (input.frame == params_.frames.odom || input.frame == params_.frames.map) {
+    takePlaced(input);
+    lookAtNewPings();
+    tellFindings();
+    return;
+  }
   takeMounted();  // older ones first
   if (const auto T_base_sensor = mountOf(input.frame)) {
     takeIn(input, *T_base_sensor);
   } else if (const auto oldest = unmounted_.push(std::move(input))) {
     note(InputKind::kPing, Reason::kNoMount,
          "ping of stamp " + std::to_string(oldest->stamp.toSec()) +
-             " s dropped: no transform from '" + oldest->frame + "' to '" + params_.frames.base +
-             "' has come");
+             " s dropped: " + noWay(oldest->frame, params_.frames.base));
   }
   filter_.keepOdometrySince(unmounted_.earliestStamp());
   lookAtNewPings();
   tellFindings();
+}
+
+// Beams that a driver has placed already: the odometry's own pose takes them back.
+void Intake::takePlaced(const PingInput& input) {
+  if (input.frame != odometry_frame_.value_or(input.frame)) {
+    throw Refusal(Reason::kWrongFrame, "ping's header.frame_id is '" + input.frame +
+                                           "', expected the sensor's frame, or '" +
+                                           *odometry_frame_ + "', the odometry's");
+  }
+  rbpf_core::Ping ping = toPing(input, Eigen::Isometry3d::Identity());
+  ping.in_odometry_frame = true;
+  add(std::move(ping));
 }
 
 std::optional<Eigen::Isometry3d> Intake::mountOf(const std::string& frame) {
@@ -117,8 +142,12 @@ std::optional<Eigen::Isometry3d> Intake::mountOf(const std::string& frame) {
 }
 
 void Intake::takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor) {
+  add(toPing(ping, T_base_sensor));
+}
+
+void Intake::add(rbpf_core::Ping ping) {
   try {
-    filter_.addPing(toPing(ping, T_base_sensor));
+    filter_.addPing(std::move(ping));
   } catch (const Refusal& refusal) {  // the filter has counted it
     ROS_WARN_THROTTLE(kWarningPeriod_s, "%s", refusal.what());
   }
@@ -163,10 +192,11 @@ void Intake::finish() {
     for (const PingInput& ping : unmounted_.take(frame)) {
       note(InputKind::kPing, Reason::kNoMount,
            "ping of stamp " + std::to_string(ping.stamp.toSec()) +
-               " s dropped at the survey's end: no transform from '" + frame + "' to '" +
-               params_.frames.base + "' has come");
+               " s dropped at the survey's end: " + noWay(frame, params_.frames.base));
     }
   }
+  // changes that no ping has come after
+  for (const std::string& frame : mounts_.framesInUse()) mountOf(frame);
   filter_.finish();
   lookAtNewPings();
   checks_.finish();

@@ -69,8 +69,10 @@ class Intake {
   rbpf_core::InputGate& gate(double stamp_s, double receipt_s);
   void note(rbpf_core::InputKind kind, rbpf_core::Reason reason, const std::string& what);
   std::optional<Eigen::Isometry3d> mountOf(const std::string& frame);
+  void takePlaced(const PingInput& input);
   void takeMounted();
   void takeIn(const PingInput& ping, const Eigen::Isometry3d& T_base_sensor);
+  void add(rbpf_core::Ping ping);
   void lookAtNewPings();
   void tellFindings();
   std::vector<rbpf_core::Finding> findings() const;
@@ -88,6 +90,8 @@ class Intake {
   MountQueue unmounted_;
   rbpf_core::RefusalCounts refused_;
   ros::Time last_odometry_;
+  // before the first message nobody knows it
+  std::optional<std::string> odometry_frame_;
   // of those that the filter has taken in
   std::size_t pings_seen_ = 0;
   PingAges ages_;

@@ -1,5 +1,7 @@
 #include "rbpf_node/parameters.hpp"
 
+#include <ros/names.h>
+
 #include "rbpf_node/parameter_reader.hpp"
 
 namespace rbpf_node {
@@ -184,7 +186,12 @@ OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node) {
   tree["~ping_topic"] = std::string("/mbes/pings");
   tree["~take_turns"] = false;
   for (auto& [name, value] : tree) private_node.getParam(name.substr(1), value);
-  return validOfflineParameters(tree);
+  OfflineParameters offline = validOfflineParameters(tree);
+  // in the node's namespace, as subscribers have them
+  for (std::string* topic : {&offline.topics.odometry, &offline.topics.pings}) {
+    *topic = ros::names::resolve(*topic);
+  }
+  return offline;
 }
 
 }  // namespace rbpf_node

@@ -249,5 +249,28 @@ TEST(GoodBeams, CanDoWithoutTheOutlierFilter) {
   EXPECT_EQ(keptOf(ping, rangesOnly(0.5, 500.0)), allBut(101, {}));
 }
 
+TEST(PlacedBeams, AreTakenBackToTheVehicleThatPlacedThem) {
+  Odometry odometry;
+  odometry.pose = {100.0, -50.0, 2.0};
+  odometry.attitude = {-20.0, 0.1, -0.2};
+  Ping ping;
+  ping.beams_m.resize(3, 2);
+  ping.beams_m << 0.5F, -1.0F, 3.0F, -4.0F, -15.0F, -16.0F;
+  // R = Rz(yaw) Ry(pitch) Rx(roll), and the vehicle's place
+  const Eigen::Matrix3d R = (Eigen::AngleAxisd(2.0, Eigen::Vector3d::UnitZ()) *
+                             Eigen::AngleAxisd(-0.2, Eigen::Vector3d::UnitY()) *
+                             Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitX()))
+                                .toRotationMatrix();
+  Ping placed = ping;
+  placed.in_odometry_frame = true;
+  placed.beams_m =
+      ((R * ping.beams_m.cast<double>()).colwise() + Eigen::Vector3d(100.0, -50.0, -20.0))
+          .cast<float>();
+  const Ping own = inBaseLink(placed, odometry);
+  EXPECT_FALSE(own.in_odometry_frame);
+  // float32 at 100 m: 8e-6 m a rounding
+  EXPECT_LT((own.beams_m - ping.beams_m).cwiseAbs().maxCoeff(), 5e-5F);
+}
+
 }  // namespace
 }  // namespace rbpf_core

@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "rbpf_node/bag_mounts.hpp"
 
@@ -40,20 +41,27 @@ class BagMounts : public testing::Test {
   std::map<std::string, std::string> mounts(const std::set<std::string>& sensors) {
     bag_.close();
     bag_.open(path_, rosbag::bagmode::Read);
-    std::map<std::string, std::string> found;
-    for (const auto& mount : mountsIn(bag_, Frames(), sensors)) {
-      char x_m[16];
-      std::snprintf(x_m, sizeof(x_m), "%.1f", mount.transform.translation.x);
-      found[mount.child_frame_id] = mount.header.frame_id + " " + x_m;
-    }
-    return found;
+    const Mounts found = mountsIn(bag_, Frames(), sensors);
+    changed_ = inWords(found.changed);
+    return inWords(found.first);
   }
 
-  using Mounts = std::map<std::string, std::string>;
+  using Words = std::map<std::string, std::string>;
+
+  static Words inWords(const std::vector<geometry_msgs::TransformStamped>& mounts) {
+    Words words;
+    for (const auto& mount : mounts) {
+      char x_m[16];
+      std::snprintf(x_m, sizeof(x_m), "%.1f", mount.transform.translation.x);
+      words[mount.child_frame_id] = mount.header.frame_id + " " + x_m;
+    }
+    return words;
+  }
 
   const std::string path_ =
       testing::TempDir() + testing::UnitTest::GetInstance()->current_test_info()->name() + ".bag";
   rosbag::Bag bag_;
+  std::map<std::string, std::string> changed_;
   double time_s_ = 0.0;
 };
 
@@ -61,13 +69,25 @@ TEST_F(BagMounts, AreAllStaticTransforms) {
   write("/tf_static", transform("base_link", "mbes", 1.0));
   write("/tf_static", transform("base_link", "camera", 2.0));
   write("/tf", transform("odom", "base_link", 3.0));
-  EXPECT_EQ(mounts({"mbes"}), (Mounts{{"camera", "base_link 2.0"}, {"mbes", "base_link 1.0"}}));
+  EXPECT_EQ(mounts({"mbes"}), (Words{{"camera", "base_link 2.0"}, {"mbes", "base_link 1.0"}}));
 }
 
-TEST_F(BagMounts, AreTheLastWordOnAStaticTransform) {
+TEST_F(BagMounts, AreTheFirstAndTheChangedOnesAreToldApart) {
   write("/tf_static", transform("base_link", "mbes", 1.0));
   write("/tf_static", transform("base_link", "mbes", 1.5));
-  EXPECT_EQ(mounts({"mbes"}), (Mounts{{"mbes", "base_link 1.5"}}));
+  write("/tf_static", transform("base_link", "camera", 2.0));
+  write("/tf_static", transform("base_link", "camera", 2.0));
+  EXPECT_EQ(mounts({"mbes"}), (Words{{"camera", "base_link 2.0"}, {"mbes", "base_link 1.0"}}));
+  EXPECT_EQ(changed_, (Words{{"mbes", "base_link 1.5"}}));
+}
+
+TEST_F(BagMounts, AreRotations) {
+  geometry_msgs::TransformStamped broken = transform("base_link", "mbes", 1.0);
+  broken.transform.rotation.w = 0.0;
+  write("/tf_static", broken);
+  write("/tf_static", transform("base_link", "mbes", 1.5));
+  EXPECT_EQ(mounts({"mbes"}), (Words{{"mbes", "base_link 1.5"}}));
+  EXPECT_EQ(changed_, Words());
 }
 
 TEST_F(BagMounts, AreTheFirstOfThoseOnTfWhereNoStaticOnesLead) {
@@ -76,36 +96,37 @@ TEST_F(BagMounts, AreTheFirstOfThoseOnTfWhereNoStaticOnesLead) {
   write("/tf", transform("base_link", "bracket", 1.2));
   write("/tf", transform("base_link", "wheel", 5.0));
   write("/tf_static", transform("bracket", "mbes", 0.5));
-  EXPECT_EQ(mounts({"mbes"}), (Mounts{{"bracket", "base_link 1.0"}, {"mbes", "bracket 0.5"}}));
+  EXPECT_EQ(mounts({"mbes"}), (Words{{"bracket", "base_link 1.0"}, {"mbes", "bracket 0.5"}}));
+  EXPECT_EQ(changed_, (Words{{"bracket", "base_link 1.2"}}));
 }
 
 TEST_F(BagMounts, MayLeadUpwardsFromTheBase) {
   write("/tf", transform("mbes", "hull", 1.0));
   write("/tf", transform("hull", "base_link", 2.0));
-  EXPECT_EQ(mounts({"mbes"}), (Mounts{{"base_link", "hull 2.0"}, {"hull", "mbes 1.0"}}));
+  EXPECT_EQ(mounts({"mbes"}), (Words{{"base_link", "hull 2.0"}, {"hull", "mbes 1.0"}}));
 }
 
 TEST_F(BagMounts, DoNotLeadThroughWhereTheVehicleMoves) {
   write("/tf", transform("odom", "base_link", 9.0));
   write("/tf", transform("odom", "buoy", 4.0));
-  EXPECT_EQ(mounts({"buoy", "odom", "nowhere"}), Mounts());
+  EXPECT_EQ(mounts({"buoy", "odom", "nowhere"}), Words());
 }
 
 TEST_F(BagMounts, NeedNoTransformForTheBaseItself) {
   write("/tf", transform("odom", "base_link", 9.0));
-  EXPECT_EQ(mounts({"base_link"}), Mounts());
+  EXPECT_EQ(mounts({"base_link"}), Words());
 }
 
 TEST_F(BagMounts, EndWhereTransformsGoInACircle) {
   write("/tf", transform("a", "b", 1.0));
   write("/tf", transform("b", "a", 1.0));
-  EXPECT_EQ(mounts({"a"}), Mounts());
+  EXPECT_EQ(mounts({"a"}), Words());
 }
 
 TEST_F(BagMounts, AreNotSoughtInMessagesOfAnotherType) {
   bag_.write("/tf_static", ros::Time(1.0), std_msgs::String());
   write("/tf", transform("base_link", "mbes", 1.0));
-  EXPECT_EQ(mounts({"mbes"}), (Mounts{{"mbes", "base_link 1.0"}}));
+  EXPECT_EQ(mounts({"mbes"}), (Words{{"mbes", "base_link 1.0"}}));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from typing import Callable
 
@@ -74,6 +75,9 @@ def _choose(
 
 def _named(given: str, topics: list[Topic]) -> Topic | None:
     by_name = {topic.name: topic for topic in topics}
+    namespace = os.environ.get("ROS_NAMESPACE", "")
+    if namespace and not given.startswith("/"):
+        given = f"{namespace}/{given}"
     try:
         return by_name[topic_in_bag(given, by_name, "topic", "the bag")]
     except TopicError:

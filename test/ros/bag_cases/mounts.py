@@ -119,7 +119,7 @@ def pings_in_odom(survey: Survey) -> Survey:
         out.header.frame_id = "odom"
         return out
 
-    return count_spoilt(each(survey, PINGS, placed), PINGS, len(survey.of(PINGS)))
+    return each(survey, PINGS, placed)
 
 
 CASES = [
@@ -159,6 +159,6 @@ CASES = [
         "mounts",
         "pings placed in odom by their driver",
         pings_in_odom,
-        stops("pings/no_mount"),
+        RIGHT,
     ),
 ]
