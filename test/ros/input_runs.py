@@ -190,8 +190,8 @@ def problems(case: Case, mode: str, survey: Survey, run: Run) -> list[str]:
 
 
 def _problems_of_stop(expected: Expected, run: Run) -> Iterator[str]:
-    if run.status == 0:
-        yield "exit status 0"
+    if run.status != 1:
+        yield f"exit status {run.status}"
     if not re.search(expected.stops, run.last_lines, re.IGNORECASE):
         yield f"the last lines lack {expected.stops!r}"
 

@@ -204,7 +204,6 @@ CASES = [
         "a bag written anew years later",
         records_of_another_year,
         RIGHT,
-        stops(BEHIND),
     ),
     Case(
         "odometry_3_s_late", "clocks", "odometry is recorded 3 s late", odometry_after_pings, RIGHT
