@@ -38,6 +38,9 @@ def play(arguments: Sequence[str]) -> int:
     try:
         status = player.wait()
     except KeyboardInterrupt:
+        # a second Ctrl-C must not end in a traceback; SIGTERM ends us at once
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         player.send_signal(signal.SIGINT)
         player.wait()
         return 0
