@@ -17,6 +17,8 @@ DELAY_S = 0.02
 # Tiny maps; every prompt that tells particles apart resamples.
 CONFIG = {
     "particles": 5,
+    # played ten times too fast without /clock
+    "clock": {"max_ahead_s": 1e4},
     "nodes": 2,
     "motion": {"surge_std_m": 0.3, "sway_std_m": 0.3},
     "mapping": {"hold_back_s": 5.0},

@@ -35,6 +35,8 @@ REPORT_FIELDS = (
 ).split()
 # J is not divisible by B. Tiny maps; every prompt that tells particles apart resamples.
 SMALL = {
+    # test_live_until_saved plays eight times too fast without /clock
+    "clock": {"max_ahead_s": 1e4},
     "particles": 5,
     "nodes": 2,
     "motion": {"surge_std_m": 0.2, "sway_std_m": 0.2, "yaw_std_rad": 0.0005},
