@@ -137,14 +137,13 @@ class Recorder:
             self._publish_path()
             if not self._recording.statuses:
                 continue
-            self._recording.time_lapse.advance(self._recording.statuses[-1])
+            status = self._recording.statuses[-1]
+            self._recording.time_lapse.advance(status)
             if source is None:
                 continue
             if isinstance(source, PlayedBag):
-                progress.show(
-                    source.share_played(self._recording.statuses[-1]), self._recording.statuses[-1]
-                )
-            if source.is_over(self._recording.statuses[-1]):
+                progress.show(source.share_played(status), status)
+            if source.is_over(status):
                 break
         progress.end()
 
