@@ -16,7 +16,7 @@ import rosgraph
 from roslib.packages import find_node
 
 from rbpf_svgp_slam.bags.opening import BagError, open_bag
-from rbpf_svgp_slam.bags.topics import TopicError, topic_in_bag
+from rbpf_svgp_slam.bags.topics import TopicError, as_subscribed, topic_in_bag
 from rbpf_svgp_slam.processes import end_with_parent
 from rbpf_svgp_slam.protocol import names
 
@@ -64,10 +64,10 @@ def _command(options: argparse.Namespace) -> list[str]:
         topics = list(bag.get_type_and_topic_info().topics)
     wanted = [(options.odometry, "odometry"), (options.pings, "pings")]
     played = {
-        _as_subscribed(n): topic_in_bag(_as_subscribed(n), topics, meaning, options.bag)
+        as_subscribed(n): topic_in_bag(as_subscribed(n), topics, meaning, options.bag)
         for n, meaning in wanted
     }
-    for name in (_as_subscribed(options.ground_truth), *TRANSFORMS):
+    for name in (as_subscribed(options.ground_truth), *TRANSFORMS):
         try:
             played[name] = topic_in_bag(name, topics, "", options.bag)
         except TopicError:
@@ -88,12 +88,6 @@ def _command(options: argparse.Namespace) -> list[str]:
         f"__name:={names.PLAYER}",
         *remappings,
     ]
-
-
-def _as_subscribed(topic: str) -> str:
-    """The whole name, by which the filter subscribes to what is given as an argument."""
-    namespace = rosgraph.names.get_ros_namespace()
-    return rosgraph.names.resolve_name(topic, f"{namespace}{names.PLAYER}")
 
 
 def _tell_end(status: int, problem: str) -> int:

@@ -1,8 +1,12 @@
-"""Which topic of a bag is meant by a name that a user gives. Needs no ROS."""
+"""Which topic of a bag is meant by a name that a user gives. Needs no ROS master."""
 
 from __future__ import annotations
 
 from typing import Iterable
+
+import rosgraph.names
+
+from rbpf_svgp_slam.protocol import names
 
 
 class TopicError(ValueError):
@@ -22,3 +26,9 @@ def topic_in_bag(name: str, topics: Iterable[str], meaning: str, bag: str) -> st
             return by_parts[tuple(given[first:])]
     known = ", ".join(sorted(by_parts.values())) or "none"
     raise TopicError(f"{bag} has no topic {name} for the {meaning}; its topics are {known}")
+
+
+def as_subscribed(topic: str) -> str:
+    """The whole name, by which the filter subscribes to what is given as an argument."""
+    namespace = rosgraph.names.get_ros_namespace()
+    return rosgraph.names.resolve_name(topic, f"{namespace}{names.PLAYER}")

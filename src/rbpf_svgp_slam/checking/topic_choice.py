@@ -1,12 +1,11 @@
-"""Which of a bag's topics are the odometry, the pings and the ground truth. Needs no ROS."""
+"""Which of a bag's topics are the odometry, the pings and the ground truth. Needs no ROS master."""
 
 from __future__ import annotations
 
-import os
 import re
 from typing import Callable
 
-from rbpf_svgp_slam.bags.topics import TopicError, topic_in_bag
+from rbpf_svgp_slam.bags.topics import TopicError, as_subscribed, topic_in_bag
 from rbpf_svgp_slam.checking.facts import ChosenTopics, Topic
 from rbpf_svgp_slam.checking.findings import ERROR, OK, WARNING, Finding
 
@@ -75,11 +74,8 @@ def _choose(
 
 def _named(given: str, topics: list[Topic]) -> Topic | None:
     by_name = {topic.name: topic for topic in topics}
-    namespace = os.environ.get("ROS_NAMESPACE", "")
-    if namespace and not given.startswith("/"):
-        given = f"{namespace}/{given}"
     try:
-        return by_name[topic_in_bag(given, by_name, "topic", "the bag")]
+        return by_name[topic_in_bag(as_subscribed(given), by_name, "topic", "the bag")]
     except TopicError:
         return None
 
