@@ -86,8 +86,8 @@ void BagInspection::read(const rosbag::Bag& bag, const OfflineTopics& topics) {
   intake_.setClockOffset(order.clock_offset_s);
   intake_.refuse(order.refused);
   const Mounts mounts = mountsIn(bag, params_.frames, order.ping_frames);
+  setMounts(mounts.first, bag, &transforms_);
   for (const auto& mount : mounts.first) {
-    transforms_.setTransform(mount, bag.getFileName(), true);
     links_.push_back(json::texts({mount.header.frame_id, mount.child_frame_id}));
   }
   const auto pings = static_cast<std::size_t>(
@@ -98,9 +98,7 @@ void BagInspection::read(const rosbag::Bag& bag, const OfflineTopics& topics) {
     takeIn(message);
     tabulatePlaced();
   }
-  for (const auto& mount : mounts.changed) {
-    transforms_.setTransform(mount, bag.getFileName(), true);
-  }
+  setMounts(mounts.changed, bag, &transforms_);
   intake_.finish();
   tabulatePlaced();
 }

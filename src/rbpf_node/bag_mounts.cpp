@@ -124,4 +124,11 @@ Mounts mountsIn(const rosbag::Bag& bag, const Frames& frames,
   return mounts;
 }
 
+void setMounts(const std::vector<TransformStamped>& mounts, const rosbag::Bag& bag,
+               tf2_ros::Buffer* transforms) {
+  for (const TransformStamped& mount : mounts) {
+    transforms->setTransform(mount, bag.getFileName(), true);
+  }
+}
+
 }  // namespace rbpf_node

@@ -3,6 +3,7 @@
 
 #include <geometry_msgs/TransformStamped.h>
 #include <rosbag/bag.h>
+#include <tf2_ros/buffer.h>
 
 #include <set>
 #include <string>
@@ -22,5 +23,9 @@ struct Mounts {
 // those of /tf that do. A way through odom or map is no mount, for the vehicle moves there; nor is
 // what tf2 would ignore, with a quaternion that is no rotation.
 Mounts mountsIn(const rosbag::Bag& bag, const Frames& frames, const std::set<std::string>& sensors);
+
+// Tells tf2 of mounts, or of those that have come in the place of earlier ones.
+void setMounts(const std::vector<geometry_msgs::TransformStamped>& mounts, const rosbag::Bag& bag,
+               tf2_ros::Buffer* transforms);
 
 }  // namespace rbpf_node

@@ -43,10 +43,7 @@ double OfflineReplay::run(const OfflineParameters& offline) {
   slam_.intake().setClockOffset(order.clock_offset_s);
   slam_.intake().refuse(order.refused);
   const Mounts mounts = mountsIn(bag, params_.frames, order.ping_frames);
-  const auto tell = [&](const geometry_msgs::TransformStamped& mount) {
-    slam_.transforms().setTransform(mount, offline.bag, true);
-  };
-  std::for_each(mounts.first.begin(), mounts.first.end(), tell);
+  setMounts(mounts.first, bag, &slam_.transforms());
   const double duration_s = order.end_s - order.begin_s;
   progress_.setDuration(duration_s);
   double survey_s = 0.0;
@@ -58,7 +55,7 @@ double OfflineReplay::run(const OfflineParameters& offline) {
     slam_.closeLoops();
     progress_.update(survey_s, [this] { return counts(); });
   }
-  std::for_each(mounts.changed.begin(), mounts.changed.end(), tell);
+  setMounts(mounts.changed, bag, &slam_.transforms());
   slam_.intake().finish();
   const double wall_s = progress_.end(counts() + ", " + std::to_string(order.refused.total()) +
                                       " messages unreadable");
