@@ -164,9 +164,9 @@ class CoreTest(unittest.TestCase):
         not_finite.twist.twist.linear.x = float("nan")
         not_float.fields[1].datatype = PointField.INT32
         expected = {
-            "odometry/duplicate_stamp": "odometry's stamp is 20.000000 s, expected later than 20.0",
+            "odometry/duplicate_stamp": "odometry's stamp is 20.000 s, expected later than 20.0",
             "odometry/not_finite": "odometry's linear velocity is (nan, 0, 0), expected finite",
-            "odometry/out_of_order": "odometry's stamp is 3.000000 s, expected later than 20.0",
+            "odometry/out_of_order": "odometry's stamp is 3.000 s, expected later than 20.0",
             "pings/malformed": "ping's field 'y' is of datatype 5 (int32), expected 7 (float32)",
             "pings/no_stamp": "header.stamp is 0, expected a time",
         }
