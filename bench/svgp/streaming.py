@@ -148,12 +148,12 @@ def _all_beams(particle: int) -> tuple[np.ndarray, int]:
     """All beams [N, 3] in the log, placed by the particle's history, and the epoch."""
     core, parts, epochs = BeamReader(), [], set()
     while True:
-        reply = core.read([particle], [sum(map(len, parts))], BLOCK_BEAMS)
+        reply = core.read([particle], sum(map(len, parts)), BLOCK_BEAMS)
         if reply is None:
             raise RuntimeError("no beams from the core")
-        parts.append(reply.beams[0])
+        parts.append(reply.beams.placed(0))
         epochs.add(reply.epoch)
-        if len(reply.beams[0]) < BLOCK_BEAMS:
+        if len(reply.beams) < BLOCK_BEAMS:
             return np.concatenate(parts), epochs.pop() if len(epochs) == 1 else -1
 
 

@@ -19,9 +19,10 @@ std::size_t FilterSnapshot::drawMinibatch(std::size_t particle, std::size_t size
   return beams_released_;
 }
 
-void FilterSnapshot::placeBlock(std::size_t particle, std::size_t first, std::size_t size,
-                                PlacedBeam* out) const {
-  if (particle >= params_->particles) {
+LogBlock FilterSnapshot::logBlock(const std::vector<std::uint32_t>& particles, std::size_t first,
+                                  std::size_t size) const {
+  for (const std::uint32_t particle : particles) {
+    if (particle < params_->particles) continue;
     throw std::out_of_range("particle " + std::to_string(particle) + ", expected below " +
                             std::to_string(params_->particles));
   }
@@ -30,8 +31,8 @@ void FilterSnapshot::placeBlock(std::size_t particle, std::size_t first, std::si
                             ", expected no more than the " + std::to_string(beams_released_) +
                             " released");
   }
-  rbpf_core::placeBlock(log_->training, first, size, *trajectories_, particle, params_->origin,
-                        out);
+  return rbpf_core::logBlock(log_->training, first, size, *trajectories_, particles,
+                             params_->origin);
 }
 
 // ---- where the particles are -----------------------------------------------------------------

@@ -9,6 +9,7 @@
 
 #include "rbpf_core/append_only.hpp"
 #include "rbpf_core/filter_params.hpp"
+#include "rbpf_core/log_block.hpp"
 #include "rbpf_core/mbes_log.hpp"
 #include "rbpf_core/odometry_use.hpp"
 #include "rbpf_core/refusal.hpp"
@@ -89,9 +90,10 @@ class FilterSnapshot {
   // if it is 0. Every call for a particle draws anew.
   std::size_t drawMinibatch(std::size_t particle, std::size_t size, PlacedBeam* out) const;
 
-  // See rbpf_core::placeBlock. Throws std::out_of_range unless the particle exists and all beams up
+  // See rbpf_core::logBlock. Throws std::out_of_range unless the particles exist and all beams up
   // to first + size have been released.
-  void placeBlock(std::size_t particle, std::size_t first, std::size_t size, PlacedBeam* out) const;
+  LogBlock logBlock(const std::vector<std::uint32_t>& particles, std::size_t first,
+                    std::size_t size) const;
 
   Estimate estimate() const;
   std::vector<Pose2> particles() const;

@@ -47,16 +47,4 @@ void drawMinibatch(const MbesLog& log, std::size_t beams, const Trajectories& tr
   }
 }
 
-void placeBlock(const MbesLog& log, std::size_t first, std::size_t size,
-                const Trajectories& trajectories, std::size_t particle, const Origin& origin,
-                PlacedBeam* out) {
-  const std::size_t end = first + size;
-  for (std::size_t i = first; i < end;) {
-    // a ping's beams follow one another: one look-up for all of them
-    const PoseSlot slot = log[i].slot;
-    const HistoryPose& pose = trajectories.at(particle, slot);
-    for (; i < end && log[i].slot == slot; ++i) *out++ = place(log[i], pose, origin);
-  }
-}
-
 }  // namespace rbpf_core

@@ -1,4 +1,4 @@
-// Beams for the maps: minibatches (the paper's Algorithm 1), or the log block by block.
+// Beams for the maps: minibatches, the paper's Algorithm 1.
 #pragma once
 
 #include "rbpf_core/mbes_log.hpp"
@@ -26,11 +26,5 @@ PlacedBeam place(const LoggedBeam& beam, const HistoryPose& pose, const Origin& 
 void drawMinibatch(const MbesLog& log, std::size_t beams, const Trajectories& trajectories,
                    std::size_t particle, const Origin& origin, RandomStream stream,
                    std::size_t size, PlacedBeam* out);
-
-// The log's beams first .. first + size - 1 into out[0 .. size-1], each at its own ping's pose in
-// the particle's trajectory.
-void placeBlock(const MbesLog& log, std::size_t first, std::size_t size,
-                const Trajectories& trajectories, std::size_t particle, const Origin& origin,
-                PlacedBeam* out);
 
 }  // namespace rbpf_core

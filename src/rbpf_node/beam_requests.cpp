@@ -1,7 +1,6 @@
 #include "rbpf_node/beam_requests.hpp"
 
 #include <algorithm>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -15,7 +14,7 @@ using rbpf_svgp_slam::GetBeams;
 using rbpf_svgp_slam::GetMinibatches;
 
 constexpr std::uint32_t kLargestMinibatch = 1000000;
-constexpr std::uint64_t kLargestReply = 10000000;  // beams: 120 MB
+constexpr std::uint32_t kLargestReply = 10000000;  // beams: 120 MB
 constexpr const char* kNoBeams = "no beams in the log yet";
 
 // Each of these returns what is wrong; an empty string if nothing is.
@@ -39,21 +38,13 @@ std::string problemWith(const GetMinibatches::Request& request, std::size_t part
 
 std::string problemWith(const GetBeams::Request& request, std::size_t particles,
                         std::size_t beams_in_log) {
-  if (request.first.size() != request.particles.size()) {
-    return "first has " + std::to_string(request.first.size()) + " entries, expected " +
-           std::to_string(request.particles.size()) + ", one for each particle";
+  if (request.size == 0 || request.size > kLargestReply) {
+    return "size is " + std::to_string(request.size) + ", expected 1 to " +
+           std::to_string(kLargestReply) + " beams";
   }
-  if (request.size == 0) return "size is 0, expected at least 1 beam";
-  if (request.size * std::uint64_t{request.particles.size()} > kLargestReply) {
-    return "size is " + std::to_string(request.size) + " for each of " +
-           std::to_string(request.particles.size()) + " particles, expected at most " +
-           std::to_string(kLargestReply) + " beams in all";
-  }
-  for (std::size_t p = 0; p < request.first.size(); ++p) {
-    if (request.first[p] <= beams_in_log) continue;
-    return "first of particle " + std::to_string(request.particles[p]) + " is " +
-           std::to_string(request.first[p]) + ", expected at most " + std::to_string(beams_in_log) +
-           ", the beams in the log";
+  if (request.first > beams_in_log) {
+    return "first is " + std::to_string(request.first) + ", expected at most " +
+           std::to_string(beams_in_log) + ", the beams in the log";
   }
   return problemWithParticles(request.particles, particles);
 }
@@ -85,18 +76,11 @@ void answer(const rbpf_core::ParticleFilter& filter, const GetBeams::Request& re
   response->message = problemWith(request, filter.params().particles, beams_in_log);
   if (response->message.empty() && beams_in_log == 0) response->message = kNoBeams;
   if (!response->message.empty()) return;
-  for (const std::uint64_t first : request.first) {
-    response->counts.push_back(
-        static_cast<std::uint32_t>(std::min<std::uint64_t>(request.size, beams_in_log - first)));
-  }
-  std::vector<rbpf_core::PlacedBeam> beams(
-      std::accumulate(response->counts.begin(), response->counts.end(), std::size_t{0}));
-  rbpf_core::PlacedBeam* next = beams.data();
-  for (std::size_t p = 0; p < request.particles.size(); ++p) {
-    snapshot.placeBlock(request.particles[p], request.first[p], response->counts[p], next);
-    next += response->counts[p];
-  }
-  appendBytes(beams.data(), beams.size(), &response->beams);
+  const std::size_t size = std::min<std::size_t>(request.size, beams_in_log - request.first);
+  const rbpf_core::LogBlock block = snapshot.logBlock(request.particles, request.first, size);
+  appendBytes(block.beams.data(), block.beams.size(), &response->beams);
+  response->beams_of_ping = block.beams_of_ping;
+  appendBytes(block.poses.data(), block.poses.size(), &response->poses);
 }
 
 }  // namespace rbpf_node

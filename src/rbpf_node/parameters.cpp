@@ -155,8 +155,8 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
   reader.number("output/time_lapse_period_s", 0.0, kUnlimited);  // for the recorder alone
   expectAgreement(params);
-  // svgp is always there, for config/default.yaml sets it, whichever engine is chosen
-  reader.refuseUnknown({"map", "svgp", reader.text("map/engine")});
+  // config/default.yaml has the groups of all engines, whichever is chosen
+  reader.refuseUnknown({"map", "svgp", "gmrf", reader.text("map/engine")});
   return params;
 }
 

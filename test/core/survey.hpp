@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "placed_block.hpp"
 #include "rbpf_core/particle_filter.hpp"
 
 namespace rbpf_core {
@@ -95,9 +96,7 @@ inline std::vector<PlacedBeam> drawFrom(const ParticleFilter& filter, std::size_
 
 inline std::vector<PlacedBeam> blockFrom(const ParticleFilter& filter, std::size_t particle,
                                          std::size_t first, std::size_t size) {
-  std::vector<PlacedBeam> block(size);
-  filter.snapshot().placeBlock(particle, first, size, block.data());
-  return block;
+  return placed(filter.snapshot().logBlock({static_cast<std::uint32_t>(particle)}, first, size));
 }
 
 }  // namespace rbpf_core

@@ -6,6 +6,7 @@
 #include <map>
 #include <vector>
 
+#include "placed_block.hpp"
 #include "rbpf_core/minibatch.hpp"
 #include "statistics.hpp"
 
@@ -185,13 +186,13 @@ TEST(DrawMinibatch, WritesAsManyBeamsAsAskedForAndNoneBeyond) {
 
 std::vector<PlacedBeam> block(const Survey& survey, std::size_t particle, std::size_t first,
                               std::size_t size, const Origin& origin = {}) {
-  std::vector<PlacedBeam> beams(size);
-  placeBlock(survey.log, first, size, *survey.histories.trajectories(), particle, origin,
-             beams.data());
-  return beams;
+  // Other particles' poses come first.
+  const std::vector<std::uint32_t> particles = {0, static_cast<std::uint32_t>(particle)};
+  return placed(
+      logBlock(survey.log, first, size, *survey.histories.trajectories(), particles, origin), 1);
 }
 
-TEST(PlaceBlock, PlacesEachBeamAtItsOwnPingsPoseOfThatParticle) {
+TEST(LogBlock, PlacesEachBeamAtItsOwnPingsPoseOfThatParticle) {
   const Survey survey(kUnevenPings, 6, {0.0, 0.0, 0.0});
   const Origin origin{30.0, -40.0};
   for (std::size_t j = 0; j < 6; ++j) {
@@ -207,7 +208,7 @@ TEST(PlaceBlock, PlacesEachBeamAtItsOwnPingsPoseOfThatParticle) {
 }
 
 // However it is cut: within pings, between them, beam by beam, into nothing.
-TEST(PlaceBlock, CutIntoPiecesGivesTheSameLog) {
+TEST(LogBlock, CutIntoPiecesGivesTheSameLog) {
   const Survey survey(kUnevenPings, 2, {});
   const auto whole = block(survey, 1, 0, survey.log.size());
   for (const std::size_t size : {1U, 3U, 40U, 43U, 128U}) {

@@ -133,8 +133,7 @@ TEST(ParticleFilterSnapshot, StaysAsItWasWhileTheFilterGoesOn) {
   const FilterSnapshot before = filter.snapshot();
   const auto particles = before.particles();
   const auto survey = before.survey(0, 1000);
-  std::vector<PlacedBeam> log(before.beams());
-  before.placeBlock(3, 0, log.size(), log.data());
+  const std::vector<PlacedBeam> log = placed(before.logBlock({3}, 0, before.beams()));
 
   sail(filter, turning, 20, 60);
   filter.setLogWeights(Eigen::ArrayXd::LinSpaced(5, -3.0, -1.0));
@@ -148,9 +147,7 @@ TEST(ParticleFilterSnapshot, StaysAsItWasWhileTheFilterGoesOn) {
   for (std::size_t i = 0; i < survey.size(); ++i) {
     EXPECT_EQ(before.survey(i, 1)[0].estimate, survey[i].estimate);
   }
-  std::vector<PlacedBeam> again(before.beamsReleased());
-  before.placeBlock(3, 0, again.size(), again.data());
-  EXPECT_EQ(again, log);
+  EXPECT_EQ(placed(before.logBlock({3}, 0, before.beamsReleased())), log);
   EXPECT_EQ(before.beamsReleased(), log.size());
   EXPECT_GT(filter.snapshot().beamsReleased(), log.size());
   EXPECT_EQ(before.latestPing()->index, survey.size() - 1);

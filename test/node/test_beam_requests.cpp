@@ -18,13 +18,12 @@ using rbpf_core::PlacedBeam;
 using rbpf_svgp_slam::GetBeams;
 using rbpf_svgp_slam::GetMinibatches;
 using Beams = std::vector<PlacedBeam>;
-using Counts = std::vector<std::uint32_t>;
 
 constexpr std::size_t kParticles = 4;
 
 GetBeams::Response beamsOf(const ParticleFilter& filter,
-                           const std::vector<std::uint32_t>& particles,
-                           const std::vector<std::uint64_t>& first, std::uint32_t size) {
+                           const std::vector<std::uint32_t>& particles, std::uint64_t first,
+                           std::uint32_t size) {
   GetBeams::Request request;
   request.particles = particles;
   request.first = first;
@@ -50,8 +49,8 @@ class BeamRequests : public testing::Test {
  protected:
   BeamRequests() { rbpf_core::sail(filter_, rbpf_core::turning, 0, 30); }
 
-  GetBeams::Response beams(const std::vector<std::uint32_t>& particles,
-                           const std::vector<std::uint64_t>& first, std::uint32_t size) const {
+  GetBeams::Response beams(const std::vector<std::uint32_t>& particles, std::uint64_t first,
+                           std::uint32_t size) const {
     return beamsOf(filter_, particles, first, size);
   }
 
@@ -62,11 +61,20 @@ class BeamRequests : public testing::Test {
   ParticleFilter filter_{rbpf_core::noisyParams(kParticles)};
 };
 
-Beams decoded(const std::vector<std::uint8_t>& bytes) {
-  Beams beams(bytes.size() / sizeof(PlacedBeam));
-  EXPECT_EQ(bytes.size(), beams.size() * sizeof(PlacedBeam));
-  std::memcpy(beams.data(), bytes.data(), bytes.size());
-  return beams;
+template <typename Value>
+std::vector<Value> decoded(const std::vector<std::uint8_t>& bytes) {
+  std::vector<Value> values(bytes.size() / sizeof(Value));
+  EXPECT_EQ(bytes.size(), values.size() * sizeof(Value));
+  std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
+}
+
+// What the particle in that row of the request makes of the response.
+Beams placed(const GetBeams::Response& response, std::size_t row) {
+  return rbpf_core::placed(
+      {decoded<rbpf_core::LevelledBeam>(response.beams), response.beams_of_ping,
+       decoded<rbpf_core::HistoryPose>(response.poses)},
+      row);
 }
 
 Beams slice(const Beams& beams, std::size_t first, std::size_t size) {
@@ -76,27 +84,27 @@ Beams slice(const Beams& beams, std::size_t first, std::size_t size) {
 
 // ---- get_beams ---------------------------------------------------------------------------------
 
-TEST_F(BeamRequests, BlocksFollowOneAnotherInTheOrderOfTheParticles) {
+TEST_F(BeamRequests, BeamsAreSentOnceAndPosesInTheOrderOfTheParticles) {
   const std::size_t n = filter_.snapshot().beamsReleased();
-  const auto response = beams({2, 0, 3}, {5, n - 4, n}, 10);
+  const auto response = beams({2, 0}, 5, 10);
   EXPECT_EQ(response.message, "");
   EXPECT_EQ(response.beams_in_log, n);
-  EXPECT_EQ(response.counts, (Counts{10, 4, 0}));
-  const Beams sent = decoded(response.beams);
-  ASSERT_EQ(sent.size(), 14U);
-  EXPECT_TRUE(slice(sent, 0, 10) == slice(logOf(2), 5, 10));
-  EXPECT_TRUE(slice(sent, 10, 4) == slice(logOf(0), n - 4, 4));
+  EXPECT_EQ(response.beams.size(), 10 * sizeof(rbpf_core::LevelledBeam));
+  EXPECT_EQ(response.poses.size(), 2 * 24 * response.beams_of_ping.size());
+  EXPECT_TRUE(placed(response, 0) == slice(logOf(2), 5, 10));
+  EXPECT_TRUE(placed(response, 1) == slice(logOf(0), 5, 10));
+  EXPECT_TRUE(placed(beams({3}, n - 4, 10), 0) == slice(logOf(3), n - 4, 4));
 }
 
 TEST_F(BeamRequests, AMapThatGoesOnWhereItStoppedTakesEveryBeamInOnceWhileTheLogGrows) {
   Beams taken;
   for (int t = 30; t < 45; ++t) {
     rbpf_core::sail(filter_, rbpf_core::turning, t, t + 1);
-    const Beams sent = decoded(beams({1}, {taken.size()}, 37).beams);
+    const Beams sent = placed(beams({1}, taken.size(), 37), 0);
     taken.insert(taken.end(), sent.begin(), sent.end());
   }
   while (taken.size() < filter_.snapshot().beamsReleased()) {
-    const Beams sent = decoded(beams({1}, {taken.size()}, 37).beams);
+    const Beams sent = placed(beams({1}, taken.size(), 37), 0);
     ASSERT_FALSE(sent.empty());
     taken.insert(taken.end(), sent.begin(), sent.end());
   }
@@ -104,17 +112,17 @@ TEST_F(BeamRequests, AMapThatGoesOnWhereItStoppedTakesEveryBeamInOnceWhileTheLog
 }
 
 TEST_F(BeamRequests, MapsThatHaveTakenInEverythingAreSentNothing) {
-  const std::size_t n = filter_.snapshot().beamsReleased();
-  const auto response = beams({0, 1}, {n, n}, 100);
+  const auto response = beams({0, 1}, filter_.snapshot().beamsReleased(), 100);
   EXPECT_EQ(response.message, "");
-  EXPECT_EQ(response.counts, (Counts{0, 0}));
   EXPECT_TRUE(response.beams.empty());
+  EXPECT_TRUE(response.beams_of_ping.empty());
+  EXPECT_TRUE(response.poses.empty());
 }
 
 TEST_F(BeamRequests, TheWholeLogMayBeAskedForAtOnce) {
-  const auto response = beams({0, 1, 2, 3}, {0, 0, 0, 0}, 2500000);
+  const auto response = beams({0, 1, 2, 3}, 0, 10000000);
   EXPECT_EQ(response.message, "");
-  EXPECT_EQ(decoded(response.beams).size(), kParticles * filter_.snapshot().beamsReleased());
+  EXPECT_TRUE(placed(response, 3) == logOf(3));
 }
 
 TEST_F(BeamRequests, AreRefusedWithTheNameTheValueAndWhatWasExpected) {
@@ -122,30 +130,25 @@ TEST_F(BeamRequests, AreRefusedWithTheNameTheValueAndWhatWasExpected) {
   const std::string log = std::to_string(n);
   const std::string beyond = std::to_string(n + 1);
   const std::map<std::string, GetBeams::Response> refused = {
-      {"first has 2 entries, expected 3, one for each particle", beams({0, 1, 2}, {0, 0}, 10)},
-      {"first has 1 entries, expected 0, one for each particle", beams({}, {0}, 10)},
-      {"size is 0, expected at least 1 beam", beams({0}, {0}, 0)},
-      {"size is 5000001 for each of 2 particles, expected at most 10000000 beams in all",
-       beams({0, 1}, {0, 0}, 5000001)},
-      {"size is 4294967295 for each of 1 particles, expected at most 10000000 beams in all",
-       beams({0}, {0}, 4294967295)},
-      {"first of particle 3 is " + beyond + ", expected at most " + log + ", the beams in the log",
-       beams({0, 3}, {n, n + 1}, 10)},
-      {"first of particle 0 is 18446744073709551615, expected at most " + log +
-           ", the beams in the log",
-       beams({0}, {18446744073709551615U}, 10)},
-      {"particle 4, expected below 4", beams({0, 4}, {0, 0}, 10)},
+      {"size is 0, expected 1 to 10000000 beams", beams({0}, 0, 0)},
+      {"size is 10000001, expected 1 to 10000000 beams", beams({0, 1}, 0, 10000001)},
+      {"size is 4294967295, expected 1 to 10000000 beams", beams({0}, 0, 4294967295)},
+      {"first is " + beyond + ", expected at most " + log + ", the beams in the log",
+       beams({0, 3}, n + 1, 10)},
+      {"first is 18446744073709551615, expected at most " + log + ", the beams in the log",
+       beams({0}, 18446744073709551615U, 10)},
+      {"particle 4, expected below 4", beams({0, 4}, 0, 10)},
   };
   for (const auto& [message, response] : refused) {
     EXPECT_EQ(response.message, message);
-    EXPECT_TRUE(response.counts.empty());
     EXPECT_TRUE(response.beams.empty());
+    EXPECT_TRUE(response.poses.empty());
   }
 }
 
 TEST(BeamRequestsOfAnEmptyLog, AreRefusedAlike) {
   const ParticleFilter filter(rbpf_core::noisyParams(kParticles));
-  EXPECT_EQ(beamsOf(filter, {0}, {0}, 10).message, "no beams in the log yet");
+  EXPECT_EQ(beamsOf(filter, {0}, 0, 10).message, "no beams in the log yet");
   EXPECT_EQ(minibatchesOf(filter, {0}, 10).message, "no beams in the log yet");
 }
 
@@ -157,7 +160,7 @@ TEST_F(BeamRequests, MinibatchesFollowOneAnotherInTheOrderOfTheParticles) {
   EXPECT_EQ(response.beams_in_log, filter_.snapshot().beamsReleased());
   ParticleFilter same(rbpf_core::noisyParams(kParticles));
   rbpf_core::sail(same, rbpf_core::turning, 0, 30);
-  const Beams sent = decoded(response.beams);
+  const Beams sent = decoded<PlacedBeam>(response.beams);
   ASSERT_EQ(sent.size(), 100U);
   EXPECT_TRUE(slice(sent, 0, 50) == rbpf_core::drawFrom(same, 3, 50));
   EXPECT_TRUE(slice(sent, 50, 50) == rbpf_core::drawFrom(same, 1, 50));

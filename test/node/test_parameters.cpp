@@ -192,9 +192,9 @@ TEST(ValidParameters, TellWhichNameMayHaveBeenMeant) {
 }
 
 TEST(ValidParameters, LeaveTheEnginesGroupToTheMapNodes) {
-  XmlRpcValue tree = treeWith("gmrf", "spacing_m", 2.0);
-  EXPECT_TRUE(contains(refusalOf(tree), "gmrf/spacing_m is 2, expected no such parameter"));
-  tree["map"]["engine"] = std::string("gmrf");
+  XmlRpcValue tree = treeWith("sauna", "spacing_m", 2.0);
+  EXPECT_TRUE(contains(refusalOf(tree), "sauna/spacing_m is 2, expected no such parameter"));
+  tree["map"]["engine"] = std::string("sauna");
   EXPECT_EQ(refusalOf(tree), "");
 }
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.maps import MapGroup
 
 TIMEOUT_S = 5.0  # for what is expected to happen: reached only by a bug
 SHORT_S = 0.05  # for what is expected not to happen
@@ -58,8 +59,11 @@ class NumberMap:
             return struct.pack("<dQ", self.value, self.iterations)
 
 
-class NumberMaps:
+class NumberMaps(MapGroup):
     """The maps of one node. Fails when two threads use them at once."""
+
+    map_class = NumberMap
+    from_parameters = load_saved = None
 
     def __init__(self, step_s=0.0):
         self.step_s = step_s

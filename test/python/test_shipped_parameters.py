@@ -80,17 +80,18 @@ def test_every_parameter_read_here_is_a_shipped_one():
 # Overlays
 
 
-@pytest.mark.parametrize("overlay", ["default", "demo", "paper", "empty"])
+@pytest.mark.parametrize("overlay", ["default", "demo", "gmrf", "paper", "empty"])
 def test_every_shipped_overlay_is_accepted(tree, overlay):
     differing = yaml.safe_load((config_folder() / f"{overlay}.yaml").read_text())
     parameters = validate({**merged(tree, differing), "survey_area": SQUARE})
     # the engine's group too
-    assert make_group(parameters).minibatch_size == parameters.engine_group["minibatch_size"]
+    wanted = parameters.engine_group.get("minibatch_size", 0)
+    assert make_group(parameters).minibatch_size == wanted
 
 
 def test_no_shipped_overlay_is_left_out():
     shipped = {path.stem for path in config_folder().glob("*.yaml")}
-    assert shipped == {"default", "demo", "paper", "empty"}
+    assert shipped == {"default", "demo", "gmrf", "paper", "empty"}
 
 
 def test_the_simulators_overlay_is_accepted(tree, tmp_path):

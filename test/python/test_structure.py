@@ -22,6 +22,7 @@ ROOMS = [
     "survey_area",
     "maps",
     "svgp",
+    "gmrf",
     "run",
     "metrics",
     "figures",

@@ -9,11 +9,12 @@ from rospy import rostime
 
 from rbpf_svgp_slam.map_node import stream_training, training
 from rbpf_svgp_slam.map_node.background import AtOnce, carry_out
-from rbpf_svgp_slam.map_node.core_client import Beams, Minibatches
+from rbpf_svgp_slam.map_node.core_client import Answer, Minibatches
 from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.map_node.stream_training import StreamTraining
 from rbpf_svgp_slam.map_node.training import MinibatchTraining
 from rbpf_svgp_slam.maps import make_group
+from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 
 AREA = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
@@ -48,17 +49,15 @@ class Core:
         self.reads.append(list(particles))
         if self.gone:
             return None
-        parts = [
-            self.placed(j, np.arange(start, min(start + size, self.N)))
-            for j, start in zip(particles, first)
-        ]
-        return Beams(self.epoch, self.N, parts)
+        beams = self.log[first : min(first + size, self.N)]
+        poses = np.zeros((len(particles), 1), POSE)
+        poses["x"][:, 0], poses["cos"] = [0.01 * j for j in particles], 1.0
+        return Answer(self.epoch, self.N, LogBlock(beams, np.array([len(beams)]), poses))
 
     def sample(self, particle, size):
         self.samples.append(size)
-        return Beams(
-            self.epoch, self.N, [self.placed(particle, self.rng.integers(0, self.N, size))]
-        )
+        beams = self.placed(particle, self.rng.integers(0, self.N, size))
+        return Answer(self.epoch, self.N, beams)
 
 
 @pytest.fixture

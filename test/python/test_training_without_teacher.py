@@ -2,16 +2,17 @@
 
 import threading
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rospy import rostime
 
 from rbpf_svgp_slam.map_node import stream_training
-from rbpf_svgp_slam.map_node.core_client import Beams, Minibatches
+from rbpf_svgp_slam.map_node.core_client import Answer, Minibatches
 from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.map_node.stream_training import BLOCK_BEAMS, StreamTraining
+from rbpf_svgp_slam.maps import MapGroup
+from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
 
 SOON_S = 5.0  # for what is expected to happen: reached only by a bug
 
@@ -33,7 +34,28 @@ class Taker:
         self.taken, self.outdated = [0.0] * beams_in_log, False
 
 
-GROUP = SimpleNamespace(create=Taker, teacher=None, minibatch_size=0, rebuild_beams=100)
+class Takers(MapGroup):
+    """Studies what it is told to, and remembers that."""
+
+    rebuild_beams = 100
+    map_class = from_parameters = load = load_saved = None
+
+    def __init__(self):
+        self.due, self.lessons = None, []
+
+    def create(self):
+        return Taker()
+
+    def study_due(self, beams_in_log):
+        return self.due
+
+    def study(self, beams):
+        self.lessons.append(beams[:, 2].tolist())
+        self.due = None
+
+    @property
+    def studied(self):
+        return self.due is None
 
 
 class Core:
@@ -50,12 +72,13 @@ class Core:
     def read(self, particles, first, size):
         assert self.go_on.wait(SOON_S)
         self.read_sizes.append(size)
-        z = [np.arange(start, min(start + size, self.N)) for start in first]
-        return Beams(0, self.N, [np.column_stack([0 * part, 0 * part, part]) for part in z])
+        z = np.arange(first, min(first + size, self.N))
+        poses = np.zeros((len(particles), 1), POSE)
+        return Answer(0, self.N, LogBlock(np.outer(z, [0.0, 0.0, 1.0]), np.array([len(z)]), poses))
 
     def sample(self, particle, size):
         self.samples.append((particle, size))
-        return Beams(0, self.N, [np.zeros((size, 3))])
+        return Answer(0, self.N, np.zeros((size, 3)))
 
 
 @pytest.fixture
@@ -76,16 +99,17 @@ def make(core, monkeypatch, in_turns):
         return core
 
     monkeypatch.setattr(stream_training, "TurnFeed", turns)
-    store = MapStore(0, 3, 1, GROUP)
-    node = StreamTraining(store, GROUP, lambda: None, (lambda: None) if in_turns else None)
+    group = Takers()
+    store = MapStore(0, 3, 1, group)
+    node = StreamTraining(store, group, lambda: None, (lambda: None) if in_turns else None)
     # The core takes sizes from 1, and no minibatches are wanted in a round.
     assert asked == ([([], 1, 0)] if in_turns else [])
-    return store, node
+    return store, group, node
 
 
 @pytest.mark.parametrize("in_turns", [False, True])
 def test_one_reply_is_enough_to_take_in_the_whole_log_once(core, monkeypatch, in_turns):
-    store, node = make(core, monkeypatch, in_turns)
+    store, _, node = make(core, monkeypatch, in_turns)
     for core.N in (5, 3000, 3001):
         node.advance()
         for one in store.maps().values():
@@ -96,7 +120,7 @@ def test_one_reply_is_enough_to_take_in_the_whole_log_once(core, monkeypatch, in
 
 @pytest.mark.parametrize("in_turns", [False, True])
 def test_outdated_maps_are_rebuilt_from_a_sample(core, monkeypatch, in_turns):
-    store, node = make(core, monkeypatch, in_turns)
+    store, _, node = make(core, monkeypatch, in_turns)
     if not in_turns:
         monkeypatch.setattr(stream_training, "REBUILD_SHARE", 1.0)  # no pauses
     core.N = 3000
@@ -111,7 +135,7 @@ def test_outdated_maps_are_rebuilt_from_a_sample(core, monkeypatch, in_turns):
 
 
 def test_a_resampling_does_not_wait_for_beams_that_are_on_their_way(core, monkeypatch):
-    store, node = make(core, monkeypatch, in_turns=False)
+    store, _, node = make(core, monkeypatch, in_turns=False)
     core.N = 10
     core.go_on.clear()
     trainer = threading.Thread(target=node.advance, daemon=True)
@@ -121,3 +145,36 @@ def test_a_resampling_does_not_wait_for_beams_that_are_on_their_way(core, monkey
     assert not trainer.is_alive()
     assert store.maps()[0].taken == []
     core.go_on.set()
+
+
+@pytest.mark.parametrize("in_turns", [False, True])
+def test_what_is_to_be_studied_first_is_studied_before_beams_are_taken_in(
+    core, monkeypatch, in_turns
+):
+    store, group, node = make(core, monkeypatch, in_turns)
+    core.N, group.due = 30, (10, 5)
+    read = core.read
+    monkeypatch.setattr(core, "read", lambda *_: None)  # the core does not answer
+    node.advance()
+    assert group.lessons == [] and store.maps()[0].taken == []
+    monkeypatch.setattr(core, "read", read)
+    node.advance()
+    assert group.lessons == [[10.0, 11.0, 12.0, 13.0, 14.0]]
+    assert store.maps()[2].taken == list(range(30))
+
+
+def test_maps_that_are_at_different_beams_are_brought_up_to_date(core, monkeypatch):
+    store, _, node = make(core, monkeypatch, in_turns=True)
+    core.N = 2000
+    store.maps()[1].taken = list(range(1500))
+    node.advance()
+    assert all(one.taken == list(range(2000)) for one in store.maps().values())
+
+
+def test_a_map_that_takes_in_nothing_does_not_hold_up_the_others(core, monkeypatch):
+    store, _, node = make(core, monkeypatch, in_turns=True)
+    core.N = 3000
+    monkeypatch.setattr(store.maps()[1], "take_in", lambda beams: 1 / 0)
+    for _ in range(2):
+        node.advance()
+    assert [one.next_beam for one in store.maps().values()] == [3000, 0, 3000]

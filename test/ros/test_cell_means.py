@@ -13,6 +13,7 @@ from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2
 
 from rbpf_svgp_slam import srv
+from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.payload import pack, split, unpack
@@ -24,11 +25,11 @@ PRIOR_M2, NOISE_M2 = 5.0**2, 0.2**2  # cell_means.test
 
 
 class FakeCore:
-    """A log that grows, of a seabed that each particle sees at a depth of its own."""
+    """A log that grows, of a seabed that each particle sees turned by another right angle."""
 
     def __init__(self):
         rng = np.random.default_rng(1)
-        xy = rng.uniform([-20, -15], [20, 15], (BEAMS, 2))
+        xy = rng.uniform(-14, 14, (BEAMS, 2))
         z = np.sin(xy[:, 0] / 8) - 20.0
         self.log = np.column_stack([xy, z]).astype(np.float32)
         self.N, self.epoch, self.resampling = 0, 0, False
@@ -40,7 +41,15 @@ class FakeCore:
         ]
 
     def placed(self, particle, first, count):
-        return self.log[first : first + count] - np.float32([0.0, 0.0, 3.0 * particle])
+        return self.block([particle], first, count).placed(0)
+
+    def block(self, particles, first, count):
+        poses = np.zeros((len(particles), 1), POSE)
+        turns = np.array(particles)[:, None] % 4
+        poses["cos"], poses["sin"] = np.choose(turns, [1, 0, -1, 0]), np.choose(
+            turns, [0, 1, 0, -1]
+        )
+        return LogBlock(self.log[first : first + count], np.array([count]), poses)
 
     def get_minibatches(self, request):
         self.questions += 1
@@ -52,19 +61,17 @@ class FakeCore:
         )
 
     def get_beams(self, request):
-        counts = [min(request.size, self.N - first) for first in request.first]
-        self.sent[list(request.particles)] += counts
-        pieces = [
-            self.placed(j, first, count)
-            for j, first, count in zip(request.particles, request.first, counts)
-        ]
+        first, count = request.first, min(request.size, self.N - request.first)
+        self.sent[list(request.particles)] += count
+        block = self.block(request.particles, first, count)
         return srv.GetBeamsResponse(
             success=True,
             epoch=self.epoch,
             resampling=self.resampling,
             beams_in_log=self.N,
-            counts=counts,
-            beams=pack(np.concatenate(pieces)),
+            beams=pack(block.levelled),
+            beams_of_ping=block.beams_of_ping,
+            poses=block.poses.tobytes(),
         )
 
 
@@ -133,7 +140,7 @@ class CellMeansTest(unittest.TestCase):
         self.assertTrue(reply.success, reply.message)
         mean = unpack("mean", reply.mean, (2, 64))
         variance = unpack("variance", reply.variance, (2, 64))
-        truth = np.sin(xy[:, :, 0] / 8) - 20.0 - 3.0 * np.array([[2], [0]])
+        truth = np.sin(xy[:, :, 0] * np.array([[-1], [1]]) / 8) - 20.0
         # In a cell of 2 m the seabed rises by 0.25 m at most.
         np.testing.assert_allclose(mean[:, 1:], truth[:, 1:], atol=0.3)
         self.assertTrue((variance[:, 1:] < NOISE_M2).all())
@@ -178,8 +185,8 @@ class CellMeansTest(unittest.TestCase):
             for name in (names.MAP_SUPPORT_POINTS, names.MAP_MEAN)
         ]
         sizes = [len(list(point_cloud2.read_points(cloud))) for cloud in clouds]
-        # All cells of 2 m, about 13 beams each, and the grid that the map is published on.
-        self.assertEqual(sizes, [20 * 15, 20 * 15])
+        # The cells of 2 m with beams, 10 to 20 each, and the grid that the map is published on.
+        self.assertEqual(sizes, [14 * 15, 20 * 15])
 
 
 if __name__ == "__main__":

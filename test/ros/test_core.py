@@ -17,8 +17,9 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from rbpf_svgp_slam import srv
+from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
 from rbpf_svgp_slam.msg import FilterStatus
-from rbpf_svgp_slam.protocol.payload import unpack
+from rbpf_svgp_slam.protocol.payload import unpack, unpack_records
 
 PARTICLES = 3
 DURATION_S, BEAMS = 20, 8  # a ping a second
@@ -28,6 +29,13 @@ PATIENCE_S = 30.0  # for what must happen; reached only by a bug
 def service(name, service_class):
     rospy.wait_for_service(f"rbpf_core/{name}", PATIENCE_S)
     return rospy.ServiceProxy(f"rbpf_core/{name}", service_class)
+
+
+def block_of(reply, particles):
+    counts = np.array(reply.beams_of_ping, dtype=int)
+    beams = unpack("beams", reply.beams, (counts.sum(), 3))
+    poses = unpack_records("poses", reply.poses, POSE, (particles, len(counts)))
+    return LogBlock(beams, counts, poses)
 
 
 def await_listener(topic_publisher):
@@ -66,7 +74,7 @@ class CoreTest(unittest.TestCase):
         cls.get_beams = service("get_beams", srv.GetBeams)
         cls.get_minibatches = service("get_minibatches", srv.GetMinibatches)
         cls.get_pings = service("get_pings", srv.GetPings)
-        cls.empty = [cls.get_beams([0], [0], 10), cls.get_minibatches([0], 10)]
+        cls.empty = [cls.get_beams([0], 0, 10), cls.get_minibatches([0], 10)]
         cls.sail()
 
     @classmethod
@@ -97,28 +105,27 @@ class CoreTest(unittest.TestCase):
 
     def test_maps_that_go_on_where_they_stopped_take_every_beam_in_once(self):
         lent = self.lent_depths()
-        blocks = [[] for _ in range(PARTICLES)]
-        taken = [0] * PARTICLES
-        while min(taken) < len(lent):
+        blocks, taken = [], 0
+        while taken < len(lent):
             reply = self.get_beams(range(PARTICLES), taken, 13)
             self.assertTrue(reply.success, reply.message)
             self.assertEqual((reply.epoch, reply.resampling), (0, False))
             self.assertEqual(reply.beams_in_log, len(lent))
-            self.assertEqual(list(reply.counts), [min(13, len(lent) - n) for n in taken])
-            beams = unpack("beams", reply.beams, (sum(reply.counts), 3))
-            for j, block in enumerate(np.split(beams, np.cumsum(reply.counts)[:-1])):
-                blocks[j].append(block)
-                taken[j] += len(block)
-        logs = np.array([np.concatenate(pieces) for pieces in blocks])
+            block = block_of(reply, PARTICLES)
+            self.assertEqual(len(block), min(13, len(lent) - taken))
+            blocks.append([block.placed(j) for j in range(PARTICLES)])
+            taken += len(block)
+        logs = np.concatenate(blocks, axis=1)
         for log in logs:
             np.testing.assert_array_equal(log[:, 2], lent)
         self.assertGreater(np.ptp(logs[:, :, 0], axis=0).max(), 0.0, "histories of their own")
 
     def test_what_has_been_taken_in_is_not_sent_again(self):
         n = len(self.lent_depths())
-        reply = self.get_beams([2, 0], [n, n - 3], 100)
-        self.assertTrue(reply.success, reply.message)
-        self.assertEqual(list(reply.counts), [0, 3])
+        for first, left in ((n, 0), (n - 3, 3)):
+            reply = self.get_beams([2, 0], first, 100)
+            self.assertTrue(reply.success, reply.message)
+            self.assertEqual(len(block_of(reply, 2)), left)
 
     def test_an_empty_log_is_refused_alike(self):
         for reply in self.empty:
@@ -129,15 +136,14 @@ class CoreTest(unittest.TestCase):
     def test_bad_requests_are_refused(self):
         n = len(self.lent_depths())
         refused = {
-            "first has 1 entries, expected 2": self.get_beams([0, 1], [0], 10),
-            f"first of particle 1 is {n + 1}, expected": self.get_beams([1], [n + 1], 10),
-            "particle 3, expected below 3": self.get_beams([3], [0], 10),
-            "size is 0, expected": self.get_beams([0], [0], 0),
+            f"first is {n + 1}, expected at most {n}": self.get_beams([1], n + 1, 10),
+            "particle 3, expected below 3": self.get_beams([3], 0, 10),
+            "size is 0, expected": self.get_beams([0], 0, 0),
         }
         for message, reply in refused.items():
             self.assertFalse(reply.success, message)
             self.assertIn(message, reply.message)
-            self.assertEqual((len(reply.counts), len(reply.beams)), (0, 0))
+            self.assertEqual((len(reply.poses), len(reply.beams)), (0, 0))
 
     def test_parameters_that_forbid_each_other_are_refused_at_the_start(self):
         rospy.set_param("/wrong/rbpf_svgp_slam", rospy.get_param("rbpf_svgp_slam"))

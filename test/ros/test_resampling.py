@@ -172,7 +172,7 @@ class ResamplingTest(unittest.TestCase):
         before_s = time.monotonic()
         reply = self.prepare[0](self.core.epoch + 1, [3, 1, 2, 3, 4])
         self.assertFalse(reply.success)
-        self.assertIn("svgp_node_1/get_maps refused", reply.message)
+        self.assertIn("svgp_node_1/fetch_maps refused", reply.message)
         self.assertLess(time.monotonic() - before_s, TIMEOUT_S)
         self.decide_all(self.core.epoch + 1, False)
         self.finish(self.core.epoch)

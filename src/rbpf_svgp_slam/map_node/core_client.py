@@ -13,15 +13,18 @@ import time
 from collections import deque
 from concurrent.futures import Future, wait
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Protocol, Sequence
+from typing import Any, Callable, Generic, Protocol, Sequence, TypeVar
 
 import numpy as np
 import rospy
 
 from rbpf_svgp_slam.map_node.background import Background
+from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
 from rbpf_svgp_slam.protocol import names
-from rbpf_svgp_slam.protocol.payload import BadRequest, unpack
+from rbpf_svgp_slam.protocol.payload import BadRequest, unpack, unpack_records
 from rbpf_svgp_slam.srv import GetBeams, GetBeamsResponse, GetMinibatches, GetMinibatchesResponse
+
+Content = TypeVar("Content")
 
 # Pause between two questions to a core that has no beams yet.
 EMPTY_LOG_PAUSE_S = 0.25
@@ -258,12 +261,12 @@ class LogFeed:
 
 
 @dataclass(frozen=True)
-class Beams:
-    """Beams of several particles, each placed by its own history."""
+class Answer(Generic[Content]):
+    """Beams from the core."""
 
     epoch: int  # the core's when it placed them
     beams_in_log: int  # N
-    beams: list[np.ndarray]  # by particle, [n, 3] m, as in Minibatches
+    beams: Content
 
 
 class BeamReader:
@@ -275,24 +278,31 @@ class BeamReader:
             names.GET_MINIBATCHES: PersistentService(names.GET_MINIBATCHES, GetMinibatches),
         }
 
-    def read(self, particles: Sequence[int], first: Sequence[int], size: int) -> Beams | None:
-        """Up to `size` beams for each particle, from its own `first` of the log on."""
+    def read(self, particles: Sequence[int], first: int, size: int) -> Answer[LogBlock] | None:
+        """Up to `size` beams from the log's `first` on, and the particles' poses to place them."""
 
-        def parts(response: GetBeamsResponse) -> list[np.ndarray]:
-            beams = unpack("beams", response.beams, (sum(response.counts), 3))
-            return np.split(beams, np.cumsum(response.counts)[:-1])
+        def block(response: GetBeamsResponse) -> LogBlock:
+            beams_of_ping = np.array(response.beams_of_ping, dtype=int)
+            shape = (len(particles), len(beams_of_ping))
+            return LogBlock(
+                unpack("beams", response.beams, (beams_of_ping.sum(), 3)),
+                beams_of_ping,
+                unpack_records("poses", response.poses, POSE, shape),
+            )
 
-        return self._call(names.GET_BEAMS, parts, list(particles), list(first), size)
+        return self._call(names.GET_BEAMS, block, list(particles), first, size)
 
-    def sample(self, particle: int, size: int) -> Beams | None:
-        """`size` beams, drawn from the whole log."""
+    def sample(self, particle: int, size: int) -> Answer[np.ndarray] | None:
+        """`size` beams [size, 3], drawn from the whole log."""
 
-        def parts(response: GetMinibatchesResponse) -> list[np.ndarray]:
-            return [unpack("beams", response.beams, (size, 3))]
+        def minibatch(response: GetMinibatchesResponse) -> np.ndarray:
+            return unpack("beams", response.beams, (size, 3))
 
-        return self._call(names.GET_MINIBATCHES, parts, [particle], size)
+        return self._call(names.GET_MINIBATCHES, minibatch, [particle], size)
 
-    def _call(self, name: str, parts: Callable, *request: object) -> Beams | None:
+    def _call(
+        self, name: str, content: Callable[..., Content], *request: object
+    ) -> Answer[Content] | None:
         """The response's beams; none, with a warning, if the core is not there or refuses."""
         try:
             response = self._services[name](*request)
@@ -303,7 +313,7 @@ class BeamReader:
             rospy.logwarn_throttle(WARNING_PERIOD_S, "%s refused: %s", name, response.message)
             return None
         try:
-            return Beams(response.epoch, response.beams_in_log, parts(response))
+            return Answer(response.epoch, response.beams_in_log, content(response))
         except BadRequest as error:
             rospy.logerr_throttle(WARNING_PERIOD_S, "answer of %s: %s", name, error)
             return None

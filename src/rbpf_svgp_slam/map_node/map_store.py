@@ -10,6 +10,7 @@ import numpy as np
 from rbpf_svgp_slam.map_node.resampling_phases import ResamplingPhases
 from rbpf_svgp_slam.map_node.step_lock import StepLock
 from rbpf_svgp_slam.maps import MapGroup, SeabedMap
+from rbpf_svgp_slam.maps.log_block import LogBlock
 from rbpf_svgp_slam.protocol.payload import BadRequest
 from rbpf_svgp_slam.protocol.shares import share
 
@@ -54,20 +55,26 @@ class MapStore:
 
     def train(self, particle: int, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
         """One step of one map on a minibatch of beams [M, 3]."""
-        return self._advance(particle, epoch, lambda one: one.train_step(beams, beams_in_log))
+        return self._advance(
+            [particle], epoch, lambda maps: maps[0].train_step(beams, beams_in_log)
+        )
 
     def teach(self, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
         """One step of the teacher on a minibatch of beams [M, 3]."""
-        return self._advance(None, epoch, lambda teacher: teacher.train_step(beams, beams_in_log))
+        return self._advance(None, epoch, lambda maps: maps[0].train_step(beams, beams_in_log))
 
-    def take_in(self, particle: int, epoch: int, first: int, beams: np.ndarray) -> bool:
-        """The log's beams [n, 3] from `first` on into one map, if they are the ones it lacks."""
+    def take_in(self, particles: Sequence[int], epoch: int, first: int, block: LogBlock) -> bool:
+        """The log's beams from `first` on into those maps of the particles that lack them.
 
-        def step(one: Any) -> None:
-            if one.next_beam == first:
-                one.take_in(beams)
+        block: with poses [P, K] by particle.
+        """
 
-        return self._advance(particle, epoch, step)
+        def step(maps: list[Any]) -> None:
+            rows = [row for row, one in enumerate(maps) if one.next_beam == first]
+            if rows:
+                self._group.take_in([maps[row] for row in rows], block.rows(rows))
+
+        return self._advance(particles, epoch, step)
 
     def rebuild(self, particle: int, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
         """One map again, from a sample [n, 3] of the log's beams.
@@ -81,25 +88,32 @@ class MapStore:
             if not self._phases.allows_training(epoch):
                 raise _EpochChanged
 
-        return self._advance(particle, epoch, lambda one: one.rebuild(beams, beams_in_log, pause))
+        return self._advance(
+            [particle], epoch, lambda maps: maps[0].rebuild(beams, beams_in_log, pause)
+        )
 
-    def _advance(self, particle: int | None, epoch: int, step: Callable[[Any], None]) -> bool:
-        """A step of a particle's map, or of the teacher, between two requests."""
+    def _advance(
+        self, particles: Sequence[int] | None, epoch: int, step: Callable[[list[Any]], None]
+    ) -> bool:
+        """A step of some particles' maps, or of the teacher, between two requests."""
         with self.exclusive():
             if not self._phases.allows_training(epoch):
                 return False
-            trained = self._group.teacher if particle is None else self._maps[particle]
-            skipped_before = trained.skipped_steps
+            if particles is None:
+                trained = [self._group.teacher]
+            else:
+                trained = [self._maps[particle] for particle in particles]
+            skipped_before = sum(one.skipped_steps for one in trained)
             try:
                 step(trained)
             except _EpochChanged:
                 return False
             except Exception:
-                self.skipped_steps += 1
+                self.skipped_steps += len(trained)
                 raise
-            skipped = trained.skipped_steps - skipped_before
+            skipped = sum(one.skipped_steps for one in trained) - skipped_before
             self.skipped_steps += skipped
-            self.steps += 1 - skipped
+            self.steps += len(trained) - skipped
         return True
 
     def behind(self, beams_in_log: int) -> dict[int, int]:
@@ -139,10 +153,10 @@ class MapStore:
             if epoch != self.epoch:
                 raise BadRequest(f"epoch is {epoch}; expected {self.epoch}, this node's")
             self._check_owned(particles)
-            for row, particle in enumerate(particles):
-                asked = self._maps[particle]
-                mean[row], variance[row] = asked.predict(positions[row])
-                prior[row] = asked.prior_variance_m2
+            asked = [self._maps[particle] for particle in particles]
+            for row, predicted in enumerate(self._group.predict(asked, positions)):
+                mean[row], variance[row] = predicted
+            prior[:] = [one.prior_variance_m2 for one in asked]
         finite = np.isfinite(mean).all(1) & np.isfinite(variance).all(1)
         if not finite.all():
             particle = particles[int(np.argmin(finite))]
@@ -150,11 +164,16 @@ class MapStore:
         return mean, variance, prior
 
     def serialise(
-        self, epoch: int | None, particles: Sequence[int], timeout_s: float
+        self,
+        epoch: int | None,
+        particles: Sequence[int],
+        timeout_s: float,
+        known: bytes | None = None,
     ) -> list[bytes]:
-        """Whole maps as they are in this epoch, or as they will be when frozen for the next one.
+        """Maps as they are in this epoch, or as they will be when frozen for the next one.
 
-        epoch none: as they are, in whatever epoch.
+        epoch none: as they are, in whatever epoch; known: what another node has of them already
+        (MapGroup.serialise), none: whole maps.
         """
         self._check_owned(particles)
         if epoch not in (None, self.epoch):
@@ -162,7 +181,15 @@ class MapStore:
         with self._lock.request():
             if epoch not in (None, self.epoch) and not self._phases.is_frozen_for(epoch):
                 raise BadRequest(f"epoch is {epoch}; expected {self.epoch}, this node's")
-            return [self._maps[particle].to_bytes() for particle in particles]
+            maps = [self._maps[particle] for particle in particles]
+            if known is None:
+                return [one.to_bytes() for one in maps]
+            return self._group.serialise(maps, known)
+
+    def known_pieces(self) -> bytes:
+        """What the other nodes need not send: see `serialise`."""
+        with self._lock.request():
+            return self._group.known_pieces()
 
     def _check_owned(self, particles: Sequence[int]) -> None:
         for particle in particles:
@@ -252,19 +279,23 @@ class MapStore:
         }
         data = fetch(epoch, wanted) if wanted else {}
         fetched = Fetched(maps=len(data), bytes=sum(map(len, data.values())))
+        # One map at a time, so that predictions need not wait for all of them.
+        ancestral = {}
+        for owner in sorted(wanted):
+            for ancestor in wanted[owner]:  # in the order in which they have been serialised
+                with self._lock.request():
+                    ancestral[ancestor] = self._group.load(data[ancestor])
         maps = {}
         for j in self.own:
-            # One map at a time, so that predictions need not wait for all of them.
             with self._lock.request():
-                maps[j] = self._inherit(j, ancestors[j], data)
+                maps[j] = self._inherit(j, ancestors[j], ancestral)
         return maps, fetched
 
-    def _inherit(self, particle: int, ancestor: int, data: dict[int, bytes]) -> Any:
+    def _inherit(self, particle: int, ancestor: int, ancestral: dict[int, Any]) -> Any:
+        """ancestral: maps that have come from other nodes."""
         if particle == ancestor:
             return self._maps[particle]
-        if ancestor in self.own:
-            return self._maps[ancestor].copy()
-        return self._group.load(data[ancestor])
+        return (self._maps if ancestor in self.own else ancestral)[ancestor].copy()
 
     def _replace_maps(self, maps: dict[int, Any]) -> None:
         self._maps = maps

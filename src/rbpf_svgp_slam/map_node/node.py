@@ -63,7 +63,7 @@ class MapNode:
         self._engine = parameters.map.engine
         self._timeout_s = parameters.resampling_timeout_s
         self._store = MapStore(index, parameters.particles, parameters.nodes, group)
-        self._peers = Peers(self._engine, FETCH_SHARE * self._timeout_s)
+        self._peers = Peers(self._engine, FETCH_SHARE * self._timeout_s, self._store.known_pieces)
         self._publisher = MapPublisher(self._store, parameters)
         self._status = rospy.Publisher("~status", MapStatus, queue_size=2)
         self._next_status_s = 0.0
@@ -72,6 +72,7 @@ class MapNode:
             rospy.Service("~prepare_resampling", srv.PrepareResampling, self._prepare),
             rospy.Service("~commit_resampling", srv.CommitResampling, self._commit),
             rospy.Service("~get_maps", srv.GetMaps, self._get_maps),
+            rospy.Service("~fetch_maps", srv.FetchMaps, self._fetch_maps),
         ]
         streams = issubclass(group.map_class, StreamMap)
         training_class = StreamTraining if streams else MinibatchTraining
@@ -143,12 +144,14 @@ class MapNode:
     def _get_maps(self, request: srv.GetMapsRequest) -> srv.GetMapsResponse:
         epoch = None if request.epoch == request.ANY_EPOCH else request.epoch
         maps = self._store.serialise(epoch, request.particles, FREEZE_SHARE * self._timeout_s)
-        return srv.GetMapsResponse(
-            success=True,
-            engine=self._engine,
-            sizes=[len(data) for data in maps],
-            maps=b"".join(maps),
+        return srv.GetMapsResponse(success=True, engine=self._engine, **_joined(maps))
+
+    @answers_bad_requests(srv.FetchMapsResponse)
+    def _fetch_maps(self, request: srv.FetchMapsRequest) -> srv.FetchMapsResponse:
+        maps = self._store.serialise(
+            request.epoch, request.particles, FREEZE_SHARE * self._timeout_s, request.known
         )
+        return srv.FetchMapsResponse(success=True, engine=self._engine, **_joined(maps))
 
     @answers_bad_requests(srv.PrepareResamplingResponse)
     def _prepare(self, request: srv.PrepareResamplingRequest) -> srv.PrepareResamplingResponse:
@@ -164,3 +167,8 @@ class MapNode:
         decide = self._store.commit if request.commit else self._store.abort
         decide(request.epoch)
         return srv.CommitResamplingResponse(success=True)
+
+
+def _joined(maps: list[bytes]) -> dict[str, Any]:
+    """Fields of a response."""
+    return {"sizes": [len(data) for data in maps], "maps": b"".join(maps)}

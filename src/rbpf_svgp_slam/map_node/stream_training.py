@@ -7,12 +7,13 @@ from concurrent.futures import Future, wait
 from dataclasses import replace
 from typing import Callable
 
+import numpy as np
 import rospy
 
 from rbpf_svgp_slam.map_node.background import AtOnce, Background
 from rbpf_svgp_slam.map_node.core_client import (
+    Answer,
     BeamReader,
-    Beams,
     Feed,
     LogFeed,
     MinibatchFeed,
@@ -22,6 +23,7 @@ from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.map_node.training import IDLE_S, Training
 from rbpf_svgp_slam.map_node.turns import EndTurn, TurnFeed, WallClock, WorkClock
 from rbpf_svgp_slam.maps import MapGroup
+from rbpf_svgp_slam.maps.log_block import LogBlock
 
 # Beams of each map that are asked for at once.
 BLOCK_BEAMS = 1024
@@ -49,14 +51,17 @@ class StreamTraining(Training):
         """end_turn: none if live; under an offline replay, tells the node's state (turns.py)."""
         super().__init__(store, _make_feed(store, group, end_turn), between_steps)
         self._core = BeamReader()
+        self._group = group
         self._has_teacher = group.teacher is not None
         self._rebuild_beams = group.rebuild_beams
         # What rebuilding has its share of: the time itself if live, else the work done.
         self._clock = WallClock() if end_turn is None else WorkClock()
         # Live, other work goes on while beams are on their way; in turns everything has its order.
         self._reads = Background("beams") if end_turn is None else AtOnce()
-        self._blocks: Future | None = None  # next beams of the log, on their way
-        self._asked_for: dict[int, int] = {}  # first of them, by particle
+        self._block: Future | None = None  # next beams of the log, on their way
+        self._first = 0  # of them
+        self._asked_for: list[int] = []  # particles whose maps lack them
+        self._stuck: set[int] = set()  # particles whose maps have not taken in what they were given
         self._sample: Future | None = None  # of the log, for a rebuild, on its way
         # Without a teacher the feed itself rests for so long.
         self._read_period = READ_PERIOD_S if end_turn is None and self._has_teacher else 0.0
@@ -66,7 +71,7 @@ class StreamTraining(Training):
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
-        if not self._catch_up(epoch, N):
+        if not self._study(epoch, N) or not self._catch_up(epoch, N):
             return
         if not self._has_teacher:
             self._rebuild_one(epoch, N)
@@ -78,6 +83,24 @@ class StreamTraining(Training):
                 return
             self._rebuild_one(epoch, N)
 
+    # What all maps have in common
+
+    def _study(self, epoch: int, N: int) -> bool:
+        """Whether the maps may take beams in, after what is to be learned of them is learned."""
+        due = self._group.study_due(N)
+        if due is not None:
+            first, size = due
+            read = self._reads.submit(self._core.read, [0], first, size)
+            answer = read.result() if self._is_here(read, patiently=True) else None
+            if answer is None or answer.epoch != epoch:
+                return False
+            self._attempt("studying the first beams", lambda: self._learn(answer.beams))
+        return self._group.studied
+
+    def _learn(self, block: LogBlock) -> bool:
+        self._group.study(block.placed(0))
+        return True
+
     # New beams
 
     def _catch_up(self, epoch: int, N: int) -> bool:
@@ -85,45 +108,54 @@ class StreamTraining(Training):
 
         false: the core or its epoch has gone.
         """
-        while self._blocks is not None or self._clock.now() >= self._next_read:
-            if self._blocks is None and not self._ask_for_blocks(N):
+        while self._block is not None or self._clock.now() >= self._next_read:
+            if self._block is None and not self._ask_for_block(N):
                 self._next_read = self._clock.now() + self._read_period
                 return True
-            if not self._blocks_are_here():
+            # If there is a teacher, it goes on while beams are on their way.
+            if not self._is_here(self._block, patiently=not self._has_teacher):
                 return True
-            blocks, self._blocks = self._blocks, None
-            if not self._take_in_blocks(blocks.result(), epoch):
-                self._asked_for = {}
+            block, self._block = self._block, None
+            if not self._take_in(block.result(), epoch):
+                self._asked_for = []
                 return False
         return True
 
-    def _ask_for_blocks(self, N: int) -> bool:
-        """The next block of beams for every map that is behind; false: there is nothing to do."""
-        behind, before = self._store.behind(N), self._asked_for
+    def _ask_for_block(self, N: int) -> bool:
+        """The next block of beams, for the maps that are furthest behind; false: there is none."""
+        behind = self._store.behind(N)
         # Maps that take in nothing must not hold up the others.
-        self._asked_for = {} if behind == before else behind
-        if self._asked_for:
-            first = list(behind.values())
-            self._blocks = self._reads.submit(self._core.read, list(behind), first, BLOCK_BEAMS)
-        return bool(self._asked_for)
+        self._stuck.update(p for p in self._asked_for if behind.get(p) == self._first)
+        waiting = {p: first for p, first in behind.items() if p not in self._stuck}
+        if waiting:
+            self._first = min(waiting.values())
+            self._asked_for = [p for p, first in waiting.items() if first == self._first]
+            self._block = self._reads.submit(
+                self._core.read, self._asked_for, self._first, BLOCK_BEAMS
+            )
+        else:
+            self._asked_for, self._stuck = [], set()
+        return bool(waiting)
 
-    def _blocks_are_here(self) -> bool:
-        """At once if there is a teacher to go on with; else after waiting for them."""
-        if not self._has_teacher:
-            while not (self._blocks.done() or self._store.frozen or rospy.is_shutdown()):
-                wait([self._blocks], IDLE_S)
-                self._between_steps()
-        return self._blocks.done()
+    def _is_here(self, future: Future, patiently: bool) -> bool:
+        """Whether a reply has come; patiently: wait for it, unless something else comes."""
+        while patiently and not (future.done() or self._store.frozen or rospy.is_shutdown()):
+            wait([future], IDLE_S)
+            self._between_steps()
+        return future.done()
 
-    def _take_in_blocks(self, reply: Beams | None, epoch: int) -> bool:
-        """Every map's block of beams into it; false as in `_catch_up`."""
-        if reply is None or reply.epoch != epoch:
+    def _take_in(self, answer: Answer[LogBlock] | None, epoch: int) -> bool:
+        """The block into the maps that lack it; false as in `_catch_up`."""
+        if answer is None or answer.epoch != epoch:
             return False
-        for (particle, first), beams in zip(self._asked_for.items(), reply.beams):
-            self._clock.spend(len(beams) / BLOCK_BEAMS)
+        block, at_once = answer.beams, self._group.maps_at_once
+        for start in range(0, len(self._asked_for), at_once):
+            particles = self._asked_for[start : start + at_once]
+            rows = block.rows(range(start, start + len(particles)))
+            self._clock.spend(len(particles) * len(block) / BLOCK_BEAMS)
             if not self._attempt(
-                f"taking in beams of particle {particle}",
-                lambda: self._store.take_in(particle, epoch, first, beams),
+                f"taking in beams of particle {', '.join(map(str, particles))}",
+                lambda: self._store.take_in(particles, epoch, self._first, rows),
             ):
                 return False
         return True
@@ -146,10 +178,10 @@ class StreamTraining(Training):
         if sample is not None and sample.epoch == epoch:
             self._rebuild(self._last_rebuilt, sample)
 
-    def _rebuild(self, particle: int, sample: Beams) -> None:
+    def _rebuild(self, particle: int, sample: Answer[np.ndarray]) -> None:
         """A map from all beams of the log, or from as many as a rebuild wants of them."""
         start = self._clock.now()
-        beams = sample.beams[0]
+        beams = sample.beams
         self._clock.spend(1.0 + len(beams) / BLOCK_BEAMS)
         self._attempt(
             f"rebuilding the map of particle {particle}",
@@ -158,12 +190,14 @@ class StreamTraining(Training):
         pause = (self._clock.now() - start) * (1.0 / REBUILD_SHARE - 1.0)
         self._next_rebuild = self._clock.now() + pause
 
-    def _read_sample(self, particle: int, N: int) -> Beams | None:
+    def _read_sample(self, particle: int, N: int) -> Answer[np.ndarray] | None:
         """Beams that stand for the log as it was then."""
         if N > self._rebuild_beams:
             return self._core.sample(particle, self._rebuild_beams)
-        whole = self._core.read([particle], [0], N)
-        return None if whole is None else replace(whole, beams_in_log=len(whole.beams[0]))
+        whole = self._core.read([particle], 0, N)
+        if whole is None:
+            return None
+        return replace(whole, beams_in_log=len(whole.beams), beams=whole.beams.placed(0))
 
 
 def _make_feed(store: MapStore, group: MapGroup, end_turn: EndTurn | None) -> Feed:

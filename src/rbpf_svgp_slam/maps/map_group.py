@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any, Mapping, Sequence
 
 from rbpf_svgp_slam.maps.minibatch_map import MinibatchMap
 from rbpf_svgp_slam.maps.seabed_map import SeabedMap
@@ -11,6 +11,8 @@ from rbpf_svgp_slam.maps.stream_map import StreamMap
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from rbpf_svgp_slam.maps.log_block import LogBlock
 
 
 class MapGroup(ABC):
@@ -24,6 +26,8 @@ class MapGroup(ABC):
     minibatch_size: int = 0
     #: Largest sample of beams that a `rebuild` wants; 0: there is none.
     rebuild_beams: int = 0
+    #: How many maps `take_in` may be given at once. Others must wait while it works.
+    maps_at_once: int = 1
 
     @classmethod
     @abstractmethod
@@ -46,6 +50,50 @@ class MapGroup(ABC):
         Raises ValueError if the bytes are damaged, of another engine or version, or of a map that
         this group's parameters do not fit.
         """
+
+    # What a node does with several of its maps at once. An engine may have a faster way.
+
+    def take_in(self, maps: Sequence[StreamMap], block: LogBlock) -> None:
+        """The log's beams from the maps' common `next_beam` on, poses [P, K] by map."""
+        for row, one in enumerate(maps):
+            one.take_in(block.placed(row))
+
+    def predict(
+        self, maps: Sequence[SeabedMap], positions: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Mean and variance by map, each at its own positions; [P, n, 2] as `SeabedMap.predict`."""
+        return [one.predict(xy) for one, xy in zip(maps, positions)]
+
+    def serialise(self, maps: Sequence[SeabedMap], known: bytes) -> list[bytes]:
+        """The maps for another node, which has what `known_pieces` told, and loads them in order.
+
+        Maps or parts of them that it has, or that an earlier one of these maps brought, may be left
+        out.
+        """
+        return [one.to_bytes() for one in maps]
+
+    def known_pieces(self) -> bytes:
+        """What this node's maps have in common with other nodes', for their `serialise`."""
+        return b""
+
+    # What all maps of all nodes have in common, and must know before the first beam is taken in.
+
+    def study_due(self, beams_in_log: int) -> tuple[int, int] | None:
+        """First beam in the log and number of those to be studied now; none: nothing is due.
+
+        They are placed by the first particle's history, on every node, so that all nodes come to
+        the same result. Maps take in nothing while a first study is due.
+        """
+        return None
+
+    def study(self, beams: np.ndarray) -> None:
+        """Learn from the beams [n, 3] that were due. May take seconds; maps stay in use."""
+        raise NotImplementedError(f"{type(self).__name__} studies no beams")
+
+    @property
+    def studied(self) -> bool:
+        """Maps may take beams in."""
+        return True
 
     def load_alone(self, data: bytes) -> SeabedMap:
         """The map that wrote the bytes, independent of all others; raises as `load`."""

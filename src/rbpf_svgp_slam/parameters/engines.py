@@ -4,4 +4,7 @@ from __future__ import annotations
 
 #: Name under `map/engine`, which is also that of the engine's parameter group, to module and class
 #: of its `MapGroup` (maps/map_group.py).
-ENGINES = {"svgp": ("rbpf_svgp_slam.svgp.group", "SvgpGroup")}
+ENGINES = {
+    "svgp": ("rbpf_svgp_slam.svgp.group", "SvgpGroup"),
+    "gmrf": ("rbpf_svgp_slam.gmrf.gmrf_group", "GmrfGroup"),
+}

@@ -44,3 +44,8 @@ def map_status(index: int) -> str:
 def get_maps(index: int) -> str:
     """Service of a map node that hands out whole maps."""
     return f"{map_node(index)}/get_maps"
+
+
+def fetch_maps(index: int) -> str:
+    """Service of a map node that hands maps over to other map nodes."""
+    return f"{map_node(index)}/fetch_maps"

@@ -1,0 +1,40 @@
+"""A stretch of the log, as it is sent to maps that take in every beam once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Sequence
+
+import numpy as np
+
+#: A particle's pose at a ping, ready to place beams: x, y relative to the survey origin, m.
+POSE = np.dtype([("x", "<f8"), ("y", "<f8"), ("cos", "<f4"), ("sin", "<f4")])
+
+
+@dataclass(frozen=True)
+class LogBlock:
+    """n beams of K pings, levelled, and where each of P particles has these pings."""
+
+    levelled: np.ndarray  # [n, 3] float32: x, y in the levelled body frame, z in the map frame, m
+    beams_of_ping: np.ndarray  # [K], sums to n: a ping's beams follow one another
+    poses: np.ndarray  # [P, K] of POSE
+
+    def __len__(self) -> int:
+        return len(self.levelled)
+
+    @property
+    def ping_of_beam(self) -> np.ndarray:
+        """Number [n] of each beam's ping, 0 .. K - 1."""
+        return np.repeat(np.arange(len(self.beams_of_ping)), self.beams_of_ping)
+
+    def rows(self, rows: Sequence[int]) -> LogBlock:
+        """The same beams with the poses of some of the particles."""
+        return replace(self, poses=self.poses[list(rows)])
+
+    def placed(self, row: int) -> np.ndarray:
+        """The beams [n, 3] (x, y, z), float32 m, where one particle has them."""
+        pose = self.poses[row][self.ping_of_beam]
+        x, y, z = self.levelled.T
+        east = pose["x"].astype(np.float32) + (pose["cos"] * x - pose["sin"] * y)
+        north = pose["y"].astype(np.float32) + (pose["sin"] * x + pose["cos"] * y)
+        return np.column_stack([east, north, z])
