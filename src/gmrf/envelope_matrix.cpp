@@ -1,66 +1,71 @@
+#include "gmrf/envelope_matrix.hpp"
+
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
-
-#include "gmrf/window.hpp"
 
 namespace gmrf {
 
 namespace {
 
-using Strip = Eigen::Map<Eigen::VectorXd>;
-using ConstStrip = Eigen::Map<const Eigen::VectorXd>;
+// y += a x and y . x, of n numbers that do not overlap.
+void addTo(double* __restrict y, double a, const double* __restrict x, int n) {
+  for (int i = 0; i < n; ++i) y[i] += a * x[i];
+}
+
+double dot(const double* y, const double* x, int n) {
+  return Eigen::Map<const Eigen::VectorXd>(y, n).dot(Eigen::Map<const Eigen::VectorXd>(x, n));
+}
 
 }  // namespace
 
-EnvelopeMatrix::EnvelopeMatrix(std::vector<int> envelope) : envelope_(std::move(envelope)) {
-  offset_.reserve(envelope_.size());
+EnvelopeMatrix::EnvelopeMatrix(const std::vector<int>& envelope) {
+  const int n = static_cast<int>(envelope.size());
+  last_.reserve(envelope.size());
+  offset_.reserve(envelope.size());
   std::ptrdiff_t stored = 0;
-  for (int r = 0; r < size(); ++r) {
-    offset_.push_back(stored - envelope_[r]);
-    stored += r - envelope_[r] + 1;
+  int last = 0;
+  for (int c = 0; c < n; ++c) {
+    while (last + 1 < n && envelope[last + 1] <= c) ++last;
+    last_.push_back(last);
+    offset_.push_back(stored - c);
+    stored += last - c + 1;
   }
   values_.assign(static_cast<std::size_t>(stored), 0.0);
 }
 
+// Column by column: each is taken off all that follow.
 void EnvelopeMatrix::factorise() {
-  for (int r = 0; r < size(); ++r) {
-    double* row = values_.data() + offset_[r];
-    const int first = envelope_[r];
-    for (int c = first; c < r; ++c) {
-      // envelope[c] <= envelope[r] = first: the products begin at `first`.
-      const double* above = values_.data() + offset_[c];
-      const double sum =
-          ConstStrip(row + first, c - first).dot(ConstStrip(above + first, c - first));
-      row[c] = (row[c] - sum) / above[c];
+  for (int c = 0; c < size(); ++c) {
+    double* L = column(c);
+    const int m = below(c);
+    if (!(L[0] > 0.0)) {
+      throw std::domain_error("precision is not positive definite at node " + std::to_string(c));
     }
-    const double rest = row[r] - ConstStrip(row + first, r - first).squaredNorm();
-    if (!(rest > 0.0)) {
-      throw std::domain_error("precision is not positive definite at node " + std::to_string(r));
-    }
-    row[r] = std::sqrt(rest);
+    L[0] = std::sqrt(L[0]);
+    const double inverse = 1.0 / L[0];
+    for (int k = 1; k <= m; ++k) L[k] *= inverse;
+    for (int k = 1; k <= m; ++k) addTo(column(c + k), -L[k], L + k, m - k + 1);
   }
 }
 
 double EnvelopeMatrix::logDeterminant() const {
   double sum = 0.0;
-  for (int r = 0; r < size(); ++r) sum += std::log(at(r, r));
+  for (int c = 0; c < size(); ++c) sum += std::log(*column(c));
   return 2.0 * sum;
 }
 
 void EnvelopeMatrix::solve(Eigen::VectorXd* b) const {
   double* x = b->data();
-  for (int r = 0; r < size(); ++r) {
-    const double* row = values_.data() + offset_[r];
-    const int first = envelope_[r];
-    x[r] -= ConstStrip(row + first, r - first).dot(ConstStrip(x + first, r - first));
-    x[r] /= row[r];
+  for (int c = 0; c < size(); ++c) {
+    const double* L = column(c);
+    x[c] /= L[0];
+    addTo(x + c + 1, -x[c], L + 1, below(c));
   }
-  for (int r = size() - 1; r >= 0; --r) {
-    const double* row = values_.data() + offset_[r];
-    const int first = envelope_[r];
-    x[r] /= row[r];
-    Strip(x + first, r - first) -= x[r] * ConstStrip(row + first, r - first);
+  for (int c = size() - 1; c >= 0; --c) {
+    const double* L = column(c);
+    x[c] = (x[c] - dot(L + 1, x + c + 1, below(c))) / L[0];
   }
 }
 
@@ -68,26 +73,22 @@ void EnvelopeMatrix::solve(Eigen::VectorXd* b) const {
 //   S_ij = (d_ij / L_jj - sum_{k > j} S_ik L_kj) / L_jj:
 // column by column from the last. All S_ik that are needed lie within the envelope.
 EnvelopeMatrix EnvelopeMatrix::inverse() const {
-  EnvelopeMatrix S(envelope_);
-  Eigen::VectorXd column(size());
-  Eigen::VectorXd product(size());
-  int last = size() - 1;  // of the rows whose envelope reaches column j
+  EnvelopeMatrix S = *this;
+  std::vector<double> product(static_cast<std::size_t>(size()));
   for (int j = size() - 1; j >= 0; --j) {
-    while (last > j && envelope_[last] > j) --last;
-    const int m = last - j;
-    for (int k = 1; k <= m; ++k) column(k - 1) = at(j + k, j);
-    // The symmetric block S of rows and columns j + 1 .. last, of which the lower half is stored.
-    product.head(m).setZero();
+    const int m = below(j);
+    const double* L = column(j);
+    const double scale = -1.0 / L[0];
+    // Of S's rows and columns j + 1 .. j + m, of which the lower half is stored, with L.
+    std::fill_n(product.begin(), m, 0.0);
     for (int k = 0; k < m; ++k) {
-      const int r = j + 1 + k;
-      const ConstStrip row(S.values_.data() + S.offset_[r] + j + 1, k);
-      product(k) += row.dot(column.head(k)) + S.at(r, r) * column(k);
-      product.head(k) += column(k) * row;
+      const double* of_k = S.column(j + 1 + k);
+      addTo(product.data() + k, L[1 + k], of_k, m - k);
+      product[k] += dot(of_k + 1, L + 2 + k, m - k - 1);
     }
-    const double diagonal = at(j, j);
-    for (int k = 0; k < m; ++k) S.at(j + 1 + k, j) = -product(k) / diagonal;
-    const double sum = -product.head(m).dot(column.head(m)) / diagonal;  // of S_jk L_kj
-    S.at(j, j) = (1.0 / diagonal - sum) / diagonal;
+    double* of_j = S.column(j);
+    for (int k = 0; k < m; ++k) of_j[1 + k] = scale * product[k];
+    of_j[0] = (-scale - dot(of_j + 1, L + 1, m)) * -scale;
   }
   return S;
 }

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "gmrf/envelope_matrix.hpp"
 #include "gmrf/model.hpp"
 #include "gmrf/tiled_sums.hpp"
 
@@ -41,32 +42,6 @@ class Window {
   std::vector<NodeIndex> node_;
   std::vector<int> envelope_;
   int bandwidth_ = 0;
-};
-
-// A symmetric positive definite matrix within an envelope that never steps back: row r has its
-// entries in columns envelope[r] .. r, and envelope[r] <= envelope[r + 1].
-class EnvelopeMatrix {
- public:
-  explicit EnvelopeMatrix(std::vector<int> envelope);
-
-  int size() const { return static_cast<int>(envelope_.size()); }
-  // r >= c, within the envelope.
-  double& at(int r, int c) { return values_[offset_[r] + c]; }
-  double at(int r, int c) const { return values_[offset_[r] + c]; }
-
-  // A = L L^T, in place. Throws std::domain_error if A is not positive definite.
-  void factorise();
-
-  // After factorise().
-  double logDeterminant() const;
-  void solve(Eigen::VectorXd* b) const;
-  // The inverse's entries within the envelope (Takahashi's recursion).
-  EnvelopeMatrix inverse() const;
-
- private:
-  std::vector<int> envelope_;
-  std::vector<std::ptrdiff_t> offset_;  // of row r's column 0, which may not be stored itself
-  std::vector<double> values_;
 };
 
 // Q = tau^2 (kappa^2 I - Laplacian)^2 on a window, with Neumann edges.
