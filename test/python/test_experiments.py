@@ -31,9 +31,11 @@ def test_the_papers_rows_are_there_with_its_numbers():
         "J10_B10": {"iterations_per_particle": 39_373, "map_consistency_rmse_m": 1.712},
         "J100_B10": {"iterations_per_particle": 3_714, "map_consistency_rmse_m": 1.995},
     }
-    (live,) = plan.experiment("exp2").configurations
+    (live,) = runner._chosen(plan.experiment("exp2"), plan.Options())
     assert (live.name, live.paper) == ("J80_B8", {"iterations_per_particle": 2_965})
-    assert [row.name for row in plan.experiment("exp3").configurations] == ["J100_B10"]
+    assert [row.name for row in runner._chosen(plan.experiment("exp3"), plan.Options())] == [
+        "J100_B10"
+    ]
 
 
 @pytest.mark.parametrize("cores", [1, 2, 10, 64])
@@ -69,6 +71,18 @@ def test_adam_gets_the_papers_steps_and_teachers_their_own():
     for row, nodes in (("J10_B1", 1), ("J100_B10", 10)):
         streaming = parameters("exp1", row)["offline"]["steps_per_second"]
         assert streaming / nodes == plan.experiment("exp1").teacher_steps_per_s
+
+
+def test_the_engine_is_an_axis():
+    exp3 = plan.experiment("exp3")
+    of_gmrf = runner._chosen(exp3, plan.Options(engines=("gmrf",)))
+    assert [(row.particles, row.engine) for row in of_gmrf] == [(100, "gmrf"), (1000, "gmrf")]
+    both = runner._chosen(exp3, plan.Options(engines=("svgp", "gmrf")))
+    assert [row.name for row in both] == ["J100_B10", *(row.name for row in of_gmrf)]
+    assert runner._chosen(exp3, plan.Options(only=(of_gmrf[1].name,))) == [of_gmrf[1]]
+    merged = parameters("exp3", of_gmrf[1].name)
+    assert (merged["map"]["engine"], merged["particles"]) == ("gmrf", 1000)
+    assert merged["lc"]["rate_hz"] == 0.1  # the experiment's, as for the SVGP's rows
 
 
 def test_the_users_overlay_is_on_top_and_leaves_the_rest():

@@ -15,6 +15,7 @@ from rbpf_svgp_slam.experiments.figures import draw_experiment
 from rbpf_svgp_slam.experiments.plan import Options, experiment
 from rbpf_svgp_slam.experiments.runner import run_experiment
 from rbpf_svgp_slam.experiments.summary import read_rows, write_summary
+from rbpf_svgp_slam.parameters.engines import ENGINES
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 
 _DESCRIPTION = """Carry out one of the three experiments of Torroba et al. (2023) on a simulated
@@ -34,6 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         options = Options(
             scale=arguments.scale,
             seed=arguments.seed,
+            engines=tuple(arguments.engines),
             optimizer=arguments.optimizer,
             rate=arguments.rate,
             overlay=_overlay(arguments.config),
@@ -64,6 +66,13 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
         help="of the survey: its lines shorter by sqrt(f), at least two of them (default 1)",
     )
     add("--seed", type=int, default=1, help="of survey and filter (default 1)")
+    add(
+        "--engines",
+        nargs="+",
+        default=["svgp"],
+        choices=tuple(ENGINES),
+        help="of the maps: configurations of others are left out (default svgp)",
+    )
     add(
         "--optimizer",
         default="streaming",

@@ -11,9 +11,13 @@ import os
 from dataclasses import dataclass, field
 from typing import Any
 
+import yaml
+
 from rbpf_svgp_slam.experiments import ExperimentError
 from rbpf_svgp_slam.nested import merged
+from rbpf_svgp_slam.parameters.known import config_folder
 
+_CORES = os.cpu_count() or 1
 # Of all maps together, about what two cores manage live.
 LIVE_ADAM_STEPS_PER_S = 100.0
 
@@ -26,11 +30,13 @@ class Configuration:
     nodes: int  # B
     adam_steps: int | None = None  # per particle, offline with svgp/optimizer adam
     paper: dict[str, float] = field(default_factory=dict)  # what the paper reports, by report field
+    engine: str = "svgp"  # map/engine
 
     @property
     def name(self) -> str:
         """Of its run folder."""
-        return f"J{self.particles}_B{self.nodes}"
+        suffix = "" if self.engine == "svgp" else f"_{self.engine}"
+        return f"J{self.particles}_B{self.nodes}{suffix}"
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,7 @@ class Options:
 
     scale: float = 1.0  # of the survey's duration
     seed: int = 1
+    engines: tuple[str, ...] = ("svgp",)  # configurations of others are left out
     optimizer: str = "streaming"
     rate: float = 1.0  # of a live experiment, times real time
     overlay: dict[str, Any] = field(default_factory=dict)  # the user's own, on top of everything
@@ -86,20 +93,27 @@ def run_parameters(
         "particles": row.particles,
         "nodes": row.nodes,
         "seed": options.seed,
+        "map": {"engine": row.engine},
         "svgp": {"optimizer": options.optimizer},
         "offline": {"steps_per_second": _steps_per_second(plan, row, options, duration_s)},
     }
     parameters: dict[str, Any] = {}
-    for overlay in (survey, plan.parameters, run, options.overlay):
+    for overlay in (survey, _engine_overlay(row.engine), plan.parameters, run, options.overlay):
         parameters = merged(parameters, overlay)
     return parameters
+
+
+def _engine_overlay(engine: str) -> dict[str, Any]:
+    """What config/ has for the particles' maps by this engine."""
+    path = config_folder() / f"{engine}.yaml"
+    return yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
 def _steps_per_second(
     plan: Experiment, row: Configuration, options: Options, duration_s: float
 ) -> float:
     """Offline: Adam gets the paper's steps; streaming maps' teachers theirs, one for each node."""
-    if options.optimizer == "streaming":
+    if row.engine != "svgp" or options.optimizer == "streaming":
         return plan.teacher_steps_per_s * row.nodes
     if row.adam_steps is None:
         return LIVE_ADAM_STEPS_PER_S
@@ -109,6 +123,11 @@ def _steps_per_second(
 def _paper(steps: int, consistency_rmse_m: float | None = None) -> dict[str, float]:
     known = {"iterations_per_particle": steps, "map_consistency_rmse_m": consistency_rmse_m}
     return {name: value for name, value in known.items() if value is not None}
+
+
+def _gmrf_rows(*particles: int) -> tuple[Configuration, ...]:
+    """Rows with maps of the engine gmrf, on a map node for each core."""
+    return tuple(Configuration(J, min(_CORES, J), engine="gmrf") for J in particles)
 
 
 def _mapping_rows(cores: int) -> tuple[Configuration, ...]:
@@ -133,7 +152,7 @@ _EXPERIMENTS = {
             name="exp1",
             title="Experiment 1: mapping",
             mission="hugin1",
-            configurations=_mapping_rows(os.cpu_count() or 1),
+            configurations=(*_mapping_rows(_CORES), *_gmrf_rows(1, 100, 1000)),
             live=False,
             parameters={
                 # Every particle goes where dead reckoning goes, and no weight ever changes.
@@ -149,7 +168,7 @@ _EXPERIMENTS = {
             name="exp2",
             title="Experiment 2: live",
             mission="lolo2",
-            configurations=(Configuration(80, 8, paper=_paper(2_965)),),
+            configurations=(Configuration(80, 8, paper=_paper(2_965)), *_gmrf_rows(80, 1000)),
             live=True,
             parameters={
                 "svgp": {"inducing_points": 400, "minibatch_size": 1000},
@@ -162,7 +181,7 @@ _EXPERIMENTS = {
             name="exp3",
             title="Experiment 3: SLAM",
             mission="lolo3",
-            configurations=(Configuration(100, 10),),
+            configurations=(Configuration(100, 10), *_gmrf_rows(100, 1000)),
             live=False,
             parameters={
                 "svgp": {"inducing_points": 300, "minibatch_size": 1000},

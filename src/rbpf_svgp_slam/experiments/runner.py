@@ -34,7 +34,7 @@ def run_experiment(plan: Experiment, options: Options, out_dir: Path) -> list[Pa
     interrupted goes on where it was. Another survey or other settings are refused, before anything
     is done: what took hours is not written over.
     """
-    rows = _chosen(plan, options.only)
+    rows = _chosen(plan, options)
     out_dir.mkdir(parents=True, exist_ok=True)
     bag = _simulate(plan, options, out_dir)
     survey = yaml.safe_load(bag.with_suffix(".survey.yaml").read_text())
@@ -54,12 +54,15 @@ def run_experiment(plan: Experiment, options: Options, out_dir: Path) -> list[Pa
     return folders
 
 
-def _chosen(plan: Experiment, only: tuple[str, ...]) -> list[Configuration]:
+def _chosen(plan: Experiment, options: Options) -> list[Configuration]:
+    """Those that are named; all of the engines' if none is."""
     known = {row.name: row for row in plan.configurations}
-    for name in only:
+    for name in options.only:
         if name not in known:
             raise ExperimentError(f"configuration is '{name}', expected one of {', '.join(known)}")
-    return [row for name, row in known.items() if not only or name in only]
+    if options.only:
+        return [row for name, row in known.items() if name in options.only]
+    return [row for row in plan.configurations if row.engine in options.engines]
 
 
 def _simulate(plan: Experiment, options: Options, out_dir: Path) -> Path:

@@ -105,7 +105,8 @@ def write_summary(plan: Experiment, rows: list[Row], figures: list[Path], out_di
 def title(row: Row) -> str:
     """Of a column or a curve: what the filter ran with, which a user's overlay may change."""
     particles, nodes = _sizes(row)
-    return f"J = {particles}, B = {nodes}"
+    engine = row.configuration.engine
+    return f"J = {particles}, B = {nodes}" + ("" if engine == "svgp" else f", {engine}")
 
 
 def _sizes(row: Row) -> tuple[int, int]:
