@@ -24,6 +24,8 @@ SECTIONS = {
     "svgp.conditioning": "bench.svgp.conditioning",
     "svgp.common_random_numbers": "bench.svgp.common_random_numbers",
     "svgp.streaming": "bench.svgp.streaming",
+    "gmrf.accuracy": "bench.gmrf.accuracy",
+    "gmrf.filter": "bench.gmrf.filter",
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",
     "core.ingest_training": "bench.core.ingest_training",

@@ -25,7 +25,6 @@ namespace {
 using std_srvs::Trigger;
 
 constexpr double kPingPeriod_s = 0.1;
-constexpr Eigen::Index kBeams = 512;
 constexpr double kRadius_m = 60.0;  // a circle round (0, 0), so that seabed is seen again
 constexpr double kTurn_radps = 0.03;
 constexpr double kDepth_m = 20.0;  // below the vehicle, on average
@@ -50,13 +49,13 @@ rbpf_core::Odometry odometryAt(double t_s) {
 }
 
 // Across the track, over 120 degrees.
-rbpf_core::Ping pingAt(double t_s) {
+rbpf_core::Ping pingAt(double t_s, Eigen::Index beams) {
   rbpf_core::Ping ping;
   ping.stamp_s = t_s;
-  ping.beams_m.resize(3, kBeams);
+  ping.beams_m.resize(3, beams);
   const rbpf_core::Pose2 pose = poseAt(t_s);
-  for (Eigen::Index i = 0; i < kBeams; ++i) {
-    const double share = static_cast<double>(i) / (kBeams - 1) - 0.5;
+  for (Eigen::Index i = 0; i < beams; ++i) {
+    const double share = static_cast<double>(i) / (beams - 1) - 0.5;
     const double left_m = kDepth_m * std::tan(share * 2.0 * M_PI / 3.0);
     const double x_m = pose.x_m - std::sin(pose.yaw_rad) * left_m;
     const double y_m = pose.y_m + std::cos(pose.yaw_rad) * left_m;
@@ -69,6 +68,7 @@ class FilterNode {
  public:
   FilterNode(rbpf_node::Spinning* spinning, const rbpf_node::Parameters& params)
       : own_(spinning->privateNode()),
+        ping_beams_(own_.param("ping_beams", 512)),
         filter_(params.filter),
         maps_(spinning->node(), params),
         loop_closing_(filter_, maps_, {0.0, params.loop_closure, {}}),
@@ -103,7 +103,7 @@ class FilterNode {
       const auto beams = static_cast<std::size_t>(own_.param("beams", 0));
       for (; filter_.snapshot().beams() < beams; t_s_ += kPingPeriod_s) {
         filter_.addOdometry(odometryAt(t_s_));
-        filter_.addPing(pingAt(t_s_));
+        filter_.addPing(pingAt(t_s_, ping_beams_));
       }
       const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
       *json << ", \"beams\": " << snapshot.beams() << ", \"pings\": " << snapshot.pings();
@@ -137,6 +137,7 @@ class FilterNode {
   }
 
   ros::NodeHandle own_;
+  const Eigen::Index ping_beams_;
   rbpf_core::ParticleFilter filter_;
   rbpf_node::MapNodes maps_;
   rbpf_core::LoopClosing loop_closing_;

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from bench.ros_session import rss_mb, running, wait_until
 from rbpf_svgp_slam.msg import MapStatus
+from rbpf_svgp_slam.nested import merged
 
 S, M = 400, 1000
 LAUNCH = Path(__file__).with_name("filter_node.launch")
@@ -37,7 +38,7 @@ class FilterSession:
         return self._command("grow")
 
     def prompt(self) -> dict[str, Any]:
-        """One loop-closure prompt of 512 beams."""
+        """One loop-closure prompt, of a whole ping."""
         return self._command("prompt")
 
     def resample(self) -> dict[str, Any]:
@@ -79,17 +80,23 @@ class FilterSession:
 
 @contextlib.contextmanager
 def filter_session(
-    particles: int, nodes: int, optimizer: str, log: Path
+    particles: int, nodes: int, maps: dict[str, Any], log: Path, ping_beams: int = 512
 ) -> Iterator[FilterSession]:
-    """For as long as it is needed; a master must be running."""
+    """For as long as it is needed; a master must be running. maps: parameters of the engine."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as overlay:
-        yaml.safe_dump(_overlay(particles, nodes, optimizer), overlay)
+        yaml.safe_dump(merged(_overlay(particles, nodes), maps), overlay)
         overlay.flush()
-        with running(["roslaunch", "--no-summary", str(LAUNCH), f"config:={overlay.name}"], log):
+        command = ["roslaunch", "--no-summary", str(LAUNCH), f"config:={overlay.name}"]
+        with running([*command, f"ping_beams:={ping_beams}"], log):
             yield FilterSession(nodes)
 
 
-def _overlay(particles: int, nodes: int, optimizer: str) -> dict[str, Any]:
+def svgp(optimizer: str) -> dict[str, Any]:
+    """Of maps by the engine svgp."""
+    return {"svgp": {"inducing_points": S, "minibatch_size": M, "optimizer": optimizer}}
+
+
+def _overlay(particles: int, nodes: int) -> dict[str, Any]:
     """Every beam can be drawn at once, nothing is published, every prompt is weighed."""
     return {
         "particles": particles,
@@ -98,7 +105,6 @@ def _overlay(particles: int, nodes: int, optimizer: str) -> dict[str, Any]:
         "motion": {"surge_std_m": 0.005, "sway_std_m": 0.005, "yaw_std_rad": 0.0001},
         "mapping": {"hold_back_s": 0.0},
         "map": {"threads": 1, "publish_period_s": 0.0},
-        "svgp": {"inducing_points": S, "minibatch_size": M, "optimizer": optimizer},
         "lc": {"min_overlap": 0.001, "mapped_variance": 2.0, "veto_sigma": 1e6},
         "evaluation": {"holdout": 0.0},
     }

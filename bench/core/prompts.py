@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from bench.core.filter_session import FilterSession, filter_session
+from bench.core.filter_session import FilterSession, filter_session, svgp
 from bench.ros_session import master
 
 PARTICLES, NODES = 100, 2
@@ -41,7 +41,9 @@ def _prompt(session: FilterSession, beams: int) -> dict[str, Any]:
 
 
 def _measure(optimizer: str, out: Path) -> dict[str, Any]:
-    with filter_session(PARTICLES, NODES, optimizer, out / f"prompts_{optimizer}.log") as session:
+    with filter_session(
+        PARTICLES, NODES, svgp(optimizer), out / f"prompts_{optimizer}.log"
+    ) as session:
         session.grow(BEAMS)
         session.wait_for_steps(STEPS, PATIENCE_S)
         training = session.steps_per_s(5.0)

@@ -6,7 +6,7 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from bench.core.filter_session import FilterSession, filter_session
+from bench.core.filter_session import FilterSession, filter_session, svgp
 from bench.ros_session import master
 
 OPTIMIZER = "adam"  # whose steps do not depend on how many beams have been taken in
@@ -33,7 +33,7 @@ def run(out: Path) -> dict[str, Any]:
 
 def _rows(particles: int, nodes: int, out: Path) -> list[dict[str, Any]]:
     """The same nodes, with a log that grows."""
-    with filter_session(particles, nodes, OPTIMIZER, out / "scaling.log") as session:
+    with filter_session(particles, nodes, svgp(OPTIMIZER), out / "scaling.log") as session:
         rows = []
         for beams in BEAMS:
             session.grow(beams)

@@ -9,7 +9,6 @@ import traceback
 from typing import Any, Callable
 
 import rospy
-import torch
 
 from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.map_node.map_publisher import MapPublisher
@@ -58,7 +57,6 @@ class MapNode:
 
     def __init__(self, index: int, parameters: NodeParameters, group: MapGroup) -> None:
         """index: 0 .. nodes - 1; group: the maps of this node, which say how they are trained."""
-        torch.set_num_threads(parameters.map.threads)
         self._index = index
         self._engine = parameters.map.engine
         self._timeout_s = parameters.resampling_timeout_s

@@ -25,19 +25,17 @@ def start() -> int | str:
 def _run(parameters: NodeParameters) -> int:
     import rospy
 
+    from rbpf_svgp_slam.map_node.node import MapNode
     from rbpf_svgp_slam.maps import make_group
-
-    try:
-        from rbpf_svgp_slam.map_node.node import MapNode
-    except RuntimeError as error:  # torch makes one of an interrupt while it is imported
-        if "KeyboardInterrupt" in str(error):
-            raise KeyboardInterrupt from None
-        raise
 
     try:
         maps = make_group(parameters)
     except (ValueError, NotImplementedError) as error:  # the engine's own parameters
         raise ParameterError(f"{names.PARAMETERS}/{error}") from None
+    except RuntimeError as error:  # torch makes one of an interrupt while it is imported
+        if "KeyboardInterrupt" in str(error):
+            raise KeyboardInterrupt from None
+        raise
     rospy.init_node("svgp_node")
     index = validate_index(rospy.get_param("~index", None), parameters.nodes)
     own_name = rospy.get_name().split("/")[-1]
