@@ -18,7 +18,7 @@ class GmrfGroup(MapGroup):
     """Maps under one model, which is learned from the log; copies share their tiles."""
 
     map_class = GmrfMap
-    maps_at_once = 50
+    maps_at_once = 1000
 
     def __init__(self, config: GmrfConfig) -> None:
         self._study = Study(config)
