@@ -25,6 +25,7 @@ SECTIONS = {
     "svgp.common_random_numbers": "bench.svgp.common_random_numbers",
     "svgp.streaming": "bench.svgp.streaming",
     "gmrf.accuracy": "bench.gmrf.accuracy",
+    "gmrf.picture": "bench.gmrf.picture",
     "gmrf.filter": "bench.gmrf.filter",
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Callable
 
 import numpy as np
 
@@ -17,12 +18,17 @@ HELD_OUT = 0.02  # of the pings
 BLOCK_BEAMS = 1024
 
 
+#: A held-out beam further from the true seabed is a false detection.
+LARGEST_ERROR_M = 0.6
+
+
 @dataclass(frozen=True)
 class PlacedSurvey:
     """Beams [n, 3] (x, y, z), m, relative to the middle of the survey."""
 
     pings: list[np.ndarray]  # to map
     held_out: np.ndarray  # of other pings, without outliers
+    seabed_m: Callable[[np.ndarray], np.ndarray]  # true z [n] at points [n, 2]
 
     @property
     def beams(self) -> np.ndarray:
@@ -43,10 +49,13 @@ def placed_survey(
     noise = sonar.SonarNoise(outlier_share=outliers)
     survey = simulate_survey(get_mission(mission, scale), seed, terrain, noise)
     position_m, rpy_rad = survey.truth.poses_at(survey.pings.time_s)
-    to_map, to_base = rotation_from_rpy(rpy_rad), rotation_from_rpy(
-        np.atleast_2d(sonar.MOUNT_RPY_RAD)
-    )
+    to_map = rotation_from_rpy(rpy_rad)
+    to_base = rotation_from_rpy(np.atleast_2d(sonar.MOUNT_RPY_RAD))
     middle_m = np.append(position_m[:, :2].mean(0), 0.0)
+
+    def seabed_m(xy: np.ndarray) -> np.ndarray:
+        return survey.terrain.height_m(*(xy + middle_m[:2]).T)
+
     pings, held_out = [], []
     apart = np.random.default_rng(seed).random(len(position_m)) < HELD_OUT
     for k, points_m in enumerate(survey.pings.points_m):
@@ -54,12 +63,7 @@ def placed_survey(
         base_m = to_base.apply(seen_m) + sonar.MOUNT_TRANSLATION_M
         beams = to_map[k].apply(base_m) + position_m[k] - middle_m
         if apart[k]:
-            true_m = survey.terrain.height_m(*(beams[:, :2] + middle_m[:2]).T)
-            held_out.append(beams[np.abs(beams[:, 2] - true_m) < LARGEST_ERROR_M])
+            held_out.append(beams[np.abs(beams[:, 2] - seabed_m(beams[:, :2])) < LARGEST_ERROR_M])
         else:
             pings.append(beams)
-    return PlacedSurvey(pings, np.concatenate(held_out))
-
-
-#: A held-out beam further from the true seabed is a false detection.
-LARGEST_ERROR_M = 0.6
+    return PlacedSurvey(pings, np.concatenate(held_out), seabed_m)
