@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
@@ -37,6 +38,8 @@ RUNS = (
     ("cut_off_bag", OFFLINE),
     ("pause_in_recording", LIVE),
 )
+#: Runs at a time: each waits more than it computes.
+JOBS = 2
 #: For a process to come up, and for a run that has lost one to end.
 PATIENCE_S = 60.0
 UNDER_WAY_S = 3.0
@@ -65,15 +68,20 @@ class InputsTest(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.workshop = Workshop(Path(cls.folder.name))
+        # to their ends: whoever kills needs processes that come up at their usual pace
+        with ThreadPoolExecutor(JOBS) as pool:
+            cls.runs = {
+                (name, mode): pool.submit(cls.workshop.run, CASES[name], mode)
+                for name, mode in RUNS
+            }
 
     @classmethod
     def tearDownClass(cls):
         cls.folder.cleanup()
 
     def check_case(self, name, mode):
-        case = CASES[name]
-        survey, run = self.workshop.run(case, mode)
-        wrong = problems(case, mode, survey, run)
+        survey, run = self.runs[name, mode].result()
+        wrong = problems(CASES[name], mode, survey, run)
         self.assertEqual([], wrong, f"\n{run.last_lines}")
 
     def check_death(self, program, told, mode=LIVE):
