@@ -19,7 +19,8 @@ SMALL = {
     "output": {"final_training_s": 1.0},
 }
 
-PAPER_ROWS = ("J1_B1", "J10_B1", "J10_B10", "J100_B10")
+# Of the paper's, the smallest and the largest.
+ROWS = ("J1_B1", "J100_B10")
 
 
 def run(name, tmp_path_factory, *options, **overlay):
@@ -39,22 +40,22 @@ def run(name, tmp_path_factory, *options, **overlay):
 
 @pytest.fixture(scope="module")
 def mapping(tmp_path_factory):
-    return run("exp1", tmp_path_factory, "--scale", "0.01", "--only", *PAPER_ROWS)
+    return run("exp1", tmp_path_factory, "--scale", "0.01", "--only", *ROWS)
 
 
 @pytest.fixture(scope="module")
 def live(tmp_path_factory):
-    return run("exp2", tmp_path_factory, "--scale", "0.01", "--rate", "4")
+    return run("exp2", tmp_path_factory, "--scale", "0.003", "--rate", "4")
 
 
 @pytest.fixture(scope="module")
 def slam(tmp_path_factory):
-    return run("exp3", tmp_path_factory, "--scale", "0.06", offline={"steps_per_second": 40.0})
+    return run("exp3", tmp_path_factory, "--scale", "0.04", offline={"steps_per_second": 40.0})
 
 
 def test_mapping_leaves_the_vehicle_where_dead_reckoning_has_it(mapping):
     _, reports = mapping
-    assert set(reports) == set(PAPER_ROWS)
+    assert set(reports) == set(ROWS)
     for report in reports.values():
         assert report["pings_dropped"] == 0 and report["loop_closure_prompts"] == 0
         assert report["ate_rmse_m"] == pytest.approx(report["dr_ate_rmse_m"], abs=1e-6)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import random
 import re
 import signal
 import socket
@@ -25,6 +27,7 @@ LAUNCH_FILES = {OFFLINE: "offline.launch", LIVE: "replay.launch"}
 RATE = 15
 #: Of a run, on a machine that does other things too; on an idle one it takes some ten seconds.
 TIME_LIMIT_S = 120.0
+MASTER_PORTS = 20_000, 32_768
 #: For a launch that has been interrupted to end its nodes: roslaunch itself gives them 17 s.
 END_S = 30.0
 #: As little as there can be: what is looked at is the way in.
@@ -108,9 +111,10 @@ class Workshop:
     ) -> tuple[Survey, Run]:
         """The case's survey, and its run. while_it_runs: called with the launch's process id."""
         survey = case.make(self.base)
-        bag = self.folder / f"{case.name}.bag"
-        write_survey(survey, bag)
         out = self.folder / f"{case.name}_{mode}"
+        out.mkdir(exist_ok=True)
+        bag = out / f"{case.name}.bag"
+        write_survey(survey, bag)
         # the nodes' own protection is looked at, not check_bag.py's before them
         arguments = [f"bag:={bag}", f"out:={out}", f"config:={self.config}", "check:=false"]
         arguments += [f"survey:={bag.with_suffix('.survey.yaml')}", *survey.arguments]
@@ -158,9 +162,12 @@ def launch(
 
 
 def _free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("", 0))
-        return one.getsockname()[1]
+    """Below those that the system hands out: else another run may have got it by the time."""
+    while True:
+        port = random.randrange(*MASTER_PORTS)
+        with socket.socket() as one, contextlib.suppress(OSError):
+            one.bind(("", port))
+            return port
 
 
 def _end(running: subprocess.Popen) -> None:

@@ -5,16 +5,17 @@ tools/inputs.sh runs all cases. These are some of each kind: what is harmless st
 bags, and what stops a run does so within seconds.
 """
 
-import os
+import contextlib
 import re
-import signal
 import sys
 import tempfile
 import time
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
+import rosgraph
 import rostest
 from bag_cases.expected import RIGHT, Case
 from bag_cases.registry import CASES
@@ -37,6 +38,8 @@ RUNS = (
     ("cut_off_bag", OFFLINE),
     ("pause_in_recording", LIVE),
 )
+#: Runs at a time: each waits more than it computes.
+JOBS = 2
 #: For a process to come up, and for a run that has lost one to end.
 PATIENCE_S = 60.0
 UNDER_WAY_S = 3.0
@@ -44,20 +47,34 @@ MAP_NODE_DEAD = r"svgp_node_0 ended with exit status -9[\s\S]*svgp_nodes-\d+ has
 
 
 def kill(program, launch_pid):
-    """SIGKILL for the launch's process whose command has this word, once it is under way."""
+    """SIGKILL for the launch's process whose command has this word, once the run is under way."""
+    launch = psutil.Process(launch_pid)
+    master = rosgraph.Master("/test_inputs", launch.environ()["ROS_MASTER_URI"])
     give_up_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < give_up_s:
-        for process in psutil.Process(launch_pid).children(recursive=True):
-            try:
-                words = process.cmdline()
-            except psutil.Error:  # it has just ended
-                continue
-            if any(re.search(rf"(^|/){program}$", word) for word in words):
-                time.sleep(UNDER_WAY_S)
-                os.kill(process.pid, signal.SIGKILL)
-                return
+        process = child_of(launch, program)
+        if process and is_known(master, "/survey_recorder"):
+            time.sleep(UNDER_WAY_S)
+            process.kill()
+            return
         time.sleep(0.1)
-    raise AssertionError(f"{program} has not come up")
+    raise AssertionError(f"{program} or the recorder has not come up")
+
+
+def child_of(launch, program):
+    for process in launch.children(recursive=True):
+        with contextlib.suppress(psutil.Error):  # it has just ended
+            if any(re.search(rf"(^|/){program}$", word) for word in process.cmdline()):
+                return process
+    return None
+
+
+def is_known(master, node):
+    """The node is past its start. The master itself may not be there yet."""
+    try:
+        return bool(master.lookupNode(node))
+    except (OSError, rosgraph.MasterError):
+        return False
 
 
 class InputsTest(unittest.TestCase):
@@ -65,15 +82,20 @@ class InputsTest(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.workshop = Workshop(Path(cls.folder.name))
+        # to their ends: whoever kills needs processes that come up at their usual pace
+        with ThreadPoolExecutor(JOBS) as pool:
+            cls.runs = {
+                (name, mode): pool.submit(cls.workshop.run, CASES[name], mode)
+                for name, mode in RUNS
+            }
 
     @classmethod
     def tearDownClass(cls):
         cls.folder.cleanup()
 
     def check_case(self, name, mode):
-        case = CASES[name]
-        survey, run = self.workshop.run(case, mode)
-        wrong = problems(case, mode, survey, run)
+        survey, run = self.runs[name, mode].result()
+        wrong = problems(CASES[name], mode, survey, run)
         self.assertEqual([], wrong, f"\n{run.last_lines}")
 
     def check_death(self, program, told, mode=LIVE):

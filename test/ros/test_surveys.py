@@ -69,7 +69,7 @@ def launch(file, *args, timeout_s=120):
 
 
 class Surveys(unittest.TestCase):
-    """Each case runs one launch file on a survey of a few minutes."""
+    """Each case runs one launch file on a survey of two minutes."""
 
     @classmethod
     def setUpClass(cls):
@@ -77,7 +77,7 @@ class Surveys(unittest.TestCase):
         path = Path(cls.folder.name)
         cls.bag = path / "survey.bag"
         simulate = ["rosrun", "rbpf_svgp_slam", "simulate_survey.py", "--mission", "demo"]
-        subprocess.run([*simulate, "--scale", "0.1", "--out", cls.bag], check=True)
+        subprocess.run([*simulate, "--scale", "0.06", "--out", cls.bag], check=True)
         cls.small = path / "small.yaml"
         cls.small.write_text(yaml.safe_dump(SMALL))
         cls.survey = path / "survey.survey.yaml"
@@ -104,11 +104,11 @@ class Surveys(unittest.TestCase):
         self.assertEqual([name for name in REPORT_FIELDS if name not in report], [])
         self.assertEqual((report["particles"], report["nodes"]), (5, 2))
         self.assertEqual(report["pings_dropped"], 0)
-        self.assertGreater(report["pings"], 500)
+        self.assertGreater(report["pings"], 300)
         self.assertGreater(report["iterations_total"], 500)
         for name in ("ate_rmse_m", "dr_ate_rmse_m", "map_rmse_m", "consistency_rmse_m"):
             self.assertIsNotNone(report[name], name)
-        # three minutes of drift: the filter may be better or worse, not lost
+        # two minutes of drift: the filter may be better or worse, not lost
         self.assertLess(report["ate_rmse_m"], 3 * report["dr_ate_rmse_m"] + 5.0)
         self.assertGreater((self.out / "report.html").stat().st_size, 100_000)
         for name in ("trajectory", "dead_reckoning", "ground_truth"):
@@ -180,7 +180,7 @@ class Surveys(unittest.TestCase):
                 self.config = Path(self.folder.name) / f"{name}.yaml"
                 svgp = {**SMALL["svgp"], **changes}
                 self.config.write_text(yaml.safe_dump({**SMALL, "svgp": svgp}))
-                args = [f"bag:={self.bag}", *self.common_args()]
+                args = [f"bag:={self.bag}", *self.common_args(), "check:=false"]
                 status, output = launch("offline.launch", *args)
                 self.assertEqual(status, 0, output)
                 report = self.check_run_folder(output)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from pathlib import Path
 
 import psutil
 
@@ -12,7 +13,8 @@ import psutil
 #: after which roslaunch would send us SIGTERM.
 PATIENCE_S = 10.0
 LAUNCHERS = ("roslaunch", "run_launch.py")
-MASTER = "rosmaster"
+#: What roslaunch ends last, after us: the master that it may have brought, and its log.
+ENDED_LAST = ("rosmaster", "rosout")
 
 
 def end_launch(farewell: str, ending_already: bool) -> None:
@@ -27,7 +29,7 @@ def end_launch(farewell: str, ending_already: bool) -> None:
         signal.signal(number, lambda *_: told.set())
     launcher = psutil.Process(os.getppid())
     if _is_launcher(launcher):
-        others = [p for p in launcher.children() if p.pid != os.getpid() and not _is_master(p)]
+        others = [p for p in launcher.children() if p.pid != os.getpid() and not _ends_last(p)]
         if not ending_already:
             launcher.send_signal(signal.SIGINT)
             told.wait(PATIENCE_S)
@@ -39,8 +41,9 @@ def _is_launcher(process: psutil.Process) -> bool:
     return any(word.endswith(LAUNCHERS) for word in _command(process))
 
 
-def _is_master(process: psutil.Process) -> bool:
-    return any(MASTER in word for word in _command(process))
+def _ends_last(process: psutil.Process) -> bool:
+    # the program, or a script behind its interpreter
+    return any(Path(word).name in ENDED_LAST for word in _command(process)[:2])
 
 
 def _command(process: psutil.Process) -> list[str]:
