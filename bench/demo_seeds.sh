@@ -1,13 +1,19 @@
 #!/usr/bin/env bash
-# Runs the demo for several seeds and prints the table of README.md.
-#   bench/demo_seeds.sh [DIR] [SEED ...]      out/demo_seeds and 1 2 3 4 5 6 by default
+# Runs the demo for several seeds and prints a table of README.md.
+#   bench/demo_seeds.sh [--engine svgp|gmrf] [DIR] [SEED ...]
+#                       by default svgp, out/demo_seeds and 1 2 3 4 5 6
 set -euo pipefail
 cd "$(dirname "$0")/.."
+engine=svgp
+if [ "${1:-}" = --engine ]; then
+  engine=$2
+  shift 2
+fi
 out=${1:-out/demo_seeds}
 shift || true
 [ $# -gt 0 ] || set -- 1 2 3 4 5 6
 for seed in "$@"; do
-  tools/demo.sh --seed "$seed" "$out/seed_$seed"
+  tools/demo.sh --engine "$engine" --seed "$seed" "$out/seed_$seed"
 done
 /usr/bin/python3 - "$out" "$@" <<'PYTHON'
 import json

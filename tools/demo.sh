@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Simulates a 20-minute survey, replays it through the live nodes and writes the run folder.
-#   tools/demo.sh [--rviz] [--seed N] [DIR]      DIR: out/demo by default
+#   tools/demo.sh [--rviz] [--seed N] [--engine svgp|gmrf] [DIR]      DIR: out/demo by default
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tools/setup.sh
@@ -9,6 +9,7 @@ tools/setup.sh
 rate=12
 seed=1
 rviz=false
+config=demo  # of the engine svgp
 out=
 while [ $# -gt 0 ]; do
   case $1 in
@@ -17,8 +18,19 @@ while [ $# -gt 0 ]; do
       seed=${2:?"--seed: expected a number"}
       shift
       ;;
+    --engine)
+      case ${2:-} in
+        svgp) config=demo ;;
+        gmrf) config=gmrf ;;
+        *)
+          echo "demo.sh: --engine: expected svgp or gmrf" >&2
+          exit 2
+          ;;
+      esac
+      shift
+      ;;
     -*)
-      echo "demo.sh: unknown option $1, expected --rviz, --seed N or a folder" >&2
+      echo "demo.sh: unknown option $1, expected --rviz, --seed N, --engine or a folder" >&2
       exit 2
       ;;
     *) out=$1 ;;
@@ -33,4 +45,4 @@ rosrun rbpf_svgp_slam simulate_survey.py --mission demo --seed "$seed" --out "$o
 echo "Replaying it $rate times faster than it was made ..."
 rosrun rbpf_svgp_slam run_launch.py replay.launch \
   bag:="$out/survey.bag" survey:="$out/survey.survey.yaml" terrain:="$out/survey.terrain.npz" \
-  config:="$ROOT/config/demo.yaml" out:="$out" rate:="$rate" rviz:="$rviz"
+  config:="$ROOT/config/$config.yaml" out:="$out" rate:="$rate" rviz:="$rviz"
