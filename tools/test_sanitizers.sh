@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the core and its tests with sanitizers, and runs them.
+# Builds the core, the library gmrf and their tests with sanitizers, and runs them.
 #   tools/test_sanitizers.sh RESULTS     RESULTS: folder for gtest's XML
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -15,9 +15,11 @@ for sanitizers in thread address,undefined; do
     # -g1: all that a sanitizer's report names; with -g, compiling takes half as long again
     cmake -S . -B "$build" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Debug \
       -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DRBPF_SANITIZE="$sanitizers"
-    cmake --build "$build" --parallel "$(nproc)" --target test_rbpf_core
+    cmake --build "$build" --parallel "$(nproc)" --target test_rbpf_core test_gmrf
   } >"$build/build.log" 2>&1 || { cat "$build/build.log"; exit 1; }
   echo "-- $sanitizers"
-  "$build/devel/lib/rbpf_svgp_slam/test_rbpf_core" --gtest_brief=1 \
-    --gtest_output="xml:$results/test_rbpf_core.${sanitizers//,/_}.xml"
+  for test in test_rbpf_core test_gmrf; do
+    "$build/devel/lib/rbpf_svgp_slam/$test" --gtest_brief=1 \
+      --gtest_output="xml:$results/$test.${sanitizers//,/_}.xml"
+  done
 done

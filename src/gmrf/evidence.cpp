@@ -18,7 +18,6 @@ constexpr double kLengthscaleLogStd = 1.4;
 constexpr double kLikelyNoiseVariance_m2 = 0.01;
 constexpr double kNoiseLogStd = 2.3;
 
-constexpr int kMarginOfSample = 2;
 constexpr int kSteps = 120;
 
 double square(double x) { return x * x; }

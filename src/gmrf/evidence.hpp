@@ -13,6 +13,9 @@ struct Sample {
   Eigen::VectorXd weights;
 };
 
+// Nodes around a sample's beams that belong to its field.
+constexpr int kMarginOfSample = 2;
+
 // log p(z) of a sample under a model, nats, with the mean of the weighted depths as the field's.
 // Beams must be finite, and within some thousand nodes of each other.
 double logEvidence(const Sample& sample, const Model& model);

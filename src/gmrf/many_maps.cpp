@@ -42,10 +42,10 @@ void foldIntoAll(const std::vector<Map*>& maps, const LevelledBlock& block,
                                 std::to_string(maps.size() * block.pings));
   }
   for (std::size_t m = 0; m < maps.size(); ++m) {
-    maps[m]->expectGood(block.placed(&poses[m * block.pings]), weights);
+    maps[m]->expectGood(block.placed(poses.data() + m * block.pings), weights);
   }
   for (std::size_t m = 0; m < maps.size(); ++m) {
-    maps[m]->foldGood(block.placed(&poses[m * block.pings]), weights);
+    maps[m]->foldGood(block.placed(poses.data() + m * block.pings), weights);
   }
 }
 

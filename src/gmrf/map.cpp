@@ -14,22 +14,27 @@ namespace {
 // Nodes times squared bandwidth: some milliseconds. Points that need more are predicted in parts.
 constexpr double kLargestWindow = 4e6;
 
+// Beams further than this from the reference are of no seabed, and sums of them might be infinite.
+constexpr double kFarthestDepth_m = 1e6;
+
 // What went wrong at column `i`, with its values.
 template <typename Columns>
-[[noreturn]] void refuse(const char* what, const Columns& columns, Eigen::Index i) {
+[[noreturn]] void refuse(const char* what, const Columns& columns, Eigen::Index i,
+                         const char* expected) {
   std::string values;
   for (Eigen::Index k = 0; k < columns.rows(); ++k) {
     values += (k == 0 ? "" : ", ") + std::to_string(columns(k, i));
   }
   throw std::invalid_argument(std::string(what) + " " + std::to_string(i) + " is (" + values +
-                              "); expected finite metres, near the survey");
+                              "); expected " + expected);
 }
 
 std::vector<CellPlace> placesOf(const Points& points, double spacing_m) {
   std::vector<CellPlace> places;
   places.reserve(static_cast<std::size_t>(points.cols()));
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
-    if (!isOnGrid(points(0, i), points(1, i), spacing_m)) refuse("point", points, i);
+    if (!isOnGrid(points(0, i), points(1, i), spacing_m))
+      refuse("point", points, i, "finite metres, near the survey");
     places.push_back(cellOf(points(0, i), points(1, i), spacing_m));
   }
   return places;
@@ -173,11 +178,11 @@ void Map::expectGood(const Beams& beams, const Eigen::VectorXd& weights) const {
                                 std::to_string(beams.cols()) + ", one for each beam");
   }
   for (Eigen::Index i = 0; i < beams.cols(); ++i) {
-    if (!isOnGrid(beams(0, i), beams(1, i), spacing_m_) || !std::isfinite(beams(2, i))) {
-      refuse("beam", beams, i);
-    }
-    if (!(weights(i) >= 0.0) || !std::isfinite(weights(i)))
-      refuse("weight", weights.transpose(), i);
+    const bool near = isOnGrid(beams(0, i), beams(1, i), spacing_m_) &&
+                      std::abs(beams(2, i) - reference_m_) < kFarthestDepth_m;
+    if (!near) refuse("beam", beams, i, "finite metres, near the survey");
+    if (!(weights(i) >= 0.0 && weights(i) <= 1.0))
+      refuse("weight", weights.transpose(), i, "0 to 1");
   }
 }
 

@@ -55,7 +55,8 @@ class Map {
 
   // Takes beams in, each with a weight: 1 for a good one, less for a doubtful one. The sums do not
   // depend on the model but for its spacing: a model may be exchanged at any time. Beams that are
-  // not finite or too far away are refused, before any is taken in, by std::invalid_argument.
+  // not finite or too far away, and weights beyond 0 to 1, are refused before any is taken in, by
+  // std::invalid_argument.
   void fold(const Beams& beams, const Eigen::VectorXd& weights) {
     expectGood(beams, weights);
     foldGood(beams, weights);

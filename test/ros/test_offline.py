@@ -42,6 +42,11 @@ SVGP = {
     "minibatch_size": 100,
     "convergence": {"window": 20, "tolerance": 1.0},
 }
+GMRF = {"map": {**SMALL["map"], "engine": "gmrf"}}
+
+
+def svgp(optimizer):
+    return {"svgp": {**SVGP, "optimizer": optimizer}}
 
 
 def shuffle_receipt(bag, shuffled):
@@ -82,14 +87,16 @@ class OfflineTest(unittest.TestCase):
     def tearDownClass(cls):
         cls.folder.cleanup()
 
-    def replay(self, name, bag, nodes, optimizer, seed=1):
-        """Trajectory, map and every particle's map, as bytes."""
+    def replay(self, name, bag, nodes, maps_of, seed=1):
+        """Trajectory, map and every particle's map, as bytes.
+
+        maps_of: parameters of the maps.
+        """
         for parameter in ("/rbpf_svgp_slam", "/rbpf_core", "/survey_recorder"):
             if MASTER.hasParam(parameter):
                 MASTER.deleteParam(parameter)  # of the replay before, on the same master
         out, config = self.path / name, self.path / f"{name}.yaml"
-        svgp = {**SVGP, "optimizer": optimizer}
-        config.write_text(yaml.safe_dump({**SMALL, "svgp": svgp, "nodes": nodes, "seed": seed}))
+        config.write_text(yaml.safe_dump({**SMALL, **maps_of, "nodes": nodes, "seed": seed}))
         survey = self.path / "survey.survey.yaml"
         args = [f"bag:={bag}", f"out:={out}", f"config:={config}", f"survey:={survey}"]
         args.append("check:=false")  # nothing of it is left in what is compared
@@ -124,26 +131,29 @@ class OfflineTest(unittest.TestCase):
             time.sleep(0.1)
         raise AssertionError("the replay has not ended well")
 
-    def check_repetition(self, nodes, optimizer):
-        name = f"{optimizer}_{nodes}"
-        first = self.replay(name, self.bag, nodes, optimizer)
-        again = self.replay(f"{name}_again", self.shuffled, nodes, optimizer)
+    def check_repetition(self, nodes, maps_of):
+        name = self._testMethodName
+        first = self.replay(name, self.bag, nodes, maps_of)
+        again = self.replay(f"{name}_again", self.shuffled, nodes, maps_of)
         for what, a, b in zip(("trajectory", "map", "particles' maps"), first, again):
             self.assertTrue(a == b, f"{what} of two replays differ")
         return first
 
     def test_streaming_maps_on_two_nodes(self):
-        first = self.check_repetition(2, "streaming")
+        first = self.check_repetition(2, svgp("streaming"))
         self.assertGreater(len(self.pictures), 0)
-        other = self.replay("another_seed", self.bag, 2, "streaming", seed=2)
+        other = self.replay("another_seed", self.bag, 2, svgp("streaming"), seed=2)
         for a, b in zip(first, other):
             self.assertTrue(a != b, "another seed, the same result")
 
     def test_streaming_maps_on_one_node(self):
-        self.check_repetition(1, "streaming")
+        self.check_repetition(1, svgp("streaming"))
 
     def test_maps_that_learn_from_minibatches_on_two_nodes(self):
-        self.check_repetition(2, "adam")
+        self.check_repetition(2, svgp("adam"))
+
+    def test_gmrf_maps_on_two_nodes(self):
+        self.check_repetition(2, GMRF)
 
 
 if __name__ == "__main__":

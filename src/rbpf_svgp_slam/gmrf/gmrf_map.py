@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from typing import Callable
 
 import numpy as np
@@ -10,8 +11,10 @@ import numpy as np
 from rbpf_svgp_slam import _gmrf
 from rbpf_svgp_slam.maps.stream_map import StreamMap
 
-# Before the library's bytes: beams and blocks taken in, evidence, model; little-endian.
+# Before the library's bytes, which have a checksum of their own: beams and blocks taken in,
+# evidence, model, whether there are bytes of the library; the checksum of these; little-endian.
 HEADER = struct.Struct("<4sQQd4d?")
+CHECKSUM = struct.Struct("<I")
 MAGIC = b"GMR1"
 
 
@@ -116,6 +119,7 @@ class GmrfMap(StreamMap):
             model.noise_variance_m2,
             self.core is not None,
         )
+        head += CHECKSUM.pack(zlib.crc32(head))
         return head + (_gmrf.to_bytes(self.core, known, pool) if self.core else b"")
 
     @classmethod
@@ -130,23 +134,28 @@ class GmrfMap(StreamMap):
 
         Raises ValueError if the bytes are damaged, of another engine, or of another spacing.
         """
-        if len(data) < HEADER.size or data[: len(MAGIC)] != MAGIC:
+        size = HEADER.size + CHECKSUM.size
+        if len(data) < size or data[: len(MAGIC)] != MAGIC:
             raise ValueError(
                 f"{len(data)} bytes that begin with {bytes(data[:4])!r} are no map of the engine "
-                f"gmrf; expected at least {HEADER.size} bytes that begin with {MAGIC!r}"
+                f"gmrf; expected at least {size} bytes that begin with {MAGIC!r}"
+            )
+        if CHECKSUM.unpack_from(data, HEADER.size)[0] != zlib.crc32(data[: HEADER.size]):
+            raise ValueError(
+                f"bytes of a map are damaged: the first {HEADER.size} do not have the checksum "
+                "that was written"
             )
         _, next_beam, iterations, written_evidence, *model, has_core = HEADER.unpack_from(data)
-        core = _gmrf.from_bytes(bytes(data[HEADER.size :]), pool) if has_core else None
+        core = _gmrf.from_bytes(bytes(data[size:]), pool) if has_core else None
         if field is None:
             own = _gmrf.FieldModel(_gmrf.Model(*model))
             restored = cls(lambda: own, lambda: written_evidence)
         else:
             restored = cls(field, evidence)
-            spacing_m = restored.field.model.spacing_m
-            if core and core.spacing_m != spacing_m:
+            if core and core.spacing_m != restored.field.model.spacing_m:
                 raise ValueError(
-                    f"map was written with nodes {core.spacing_m:g} m apart; "
-                    f"expected {spacing_m:g} m, as this node's maps have"
+                    f"map was written with nodes {core.spacing_m:g} m apart; expected "
+                    f"{restored.field.model.spacing_m:g} m, as this node's maps have"
                 )
         restored.core = core
         restored._next_beam, restored.iterations = next_beam, iterations

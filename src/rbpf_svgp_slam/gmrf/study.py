@@ -25,13 +25,18 @@ START = {"lengthscale_m": 25.0, "outputscale_m2": 1.0, "noise_variance_m2": 0.01
 
 
 class Study:
-    """Learns a model of the field from stretches of the log, by its evidence."""
+    """Learns a model of the field from stretches of the log, by its evidence.
+
+    The evidence is that of a grid as fine as the beams: on the maps' own, wider one, what the grid
+    cannot represent would pass for the beams' noise, or the other way round.
+    """
 
     def __init__(self, config: GmrfConfig) -> None:
         self._config = config
         self._samples: list[_gmrf.Sample] = []
         self._next = FIRST_BEAMS
-        #: None before the first study.
+        self._fine: _gmrf.Model | None = None
+        #: Of the maps; none before the first study.
         self.field: _gmrf.FieldModel | None = None
         #: Of the last sample, log p per beam, nats.
         self.evidence = math.nan
@@ -46,21 +51,25 @@ class Study:
     def learn(self, beams: np.ndarray) -> None:
         """From the beams [n, 3] that were due: neighbours of each other, as the log has them."""
         beams = np.asarray(beams, dtype=float)
-        model = self._first_model(beams) if self.field is None else self.field.model
-        self._samples = [*self._samples[1 - SAMPLES :], sample_of(beams, model)]
-        self._adopt(self._most_evident(model))
-        self.evidence = _gmrf.log_evidence(self._samples[-1], self.field.model) / len(beams)
+        fine = self._fine or self._first_model(beams)
+        self._samples = [*self._samples[1 - SAMPLES :], sample_of(beams, fine)]
+        self._fine = self._most_evident(fine)
+        spacing_m = self.field.model.spacing_m if self.field else self._spacing_m()
+        self.field = _gmrf.FieldModel(_with(self._fine, spacing_m=spacing_m))
+        self.evidence = _gmrf.log_evidence(self._samples[-1], self._fine) / len(beams)
         self._next *= GROWTH
 
     def _first_model(self, beams: np.ndarray) -> _gmrf.Model:
-        """Of the spacing that the maps will have."""
-        if self._config.spacing_m:
-            return self._configured(_gmrf.Model(self._config.spacing_m, **START))
-        finest_m = BEAMS_PER_NODE * mean_distance_m(beams)
-        fine = self._configured(_gmrf.Model(finest_m, **START))
-        for _ in range(2):  # outliers are told by a model, and a model is learned without them
-            fine = self._configured(_gmrf.most_evident([sample_of(beams, fine)], fine))
-        return _with(fine, spacing_m=coarsest_spacing_m(fine, finest_m))
+        """A model by which outliers can be told."""
+        fine = self._configured(_gmrf.Model(BEAMS_PER_NODE * mean_distance_m(beams), **START))
+        self._samples = [sample_of(beams, fine)]
+        fine = self._most_evident(fine)
+        self._samples = []
+        return fine
+
+    def _spacing_m(self) -> float:
+        """Of the maps, from now on."""
+        return self._config.spacing_m or coarsest_spacing_m(self._fine)
 
     def _most_evident(self, start: _gmrf.Model) -> _gmrf.Model:
         return self._configured(_gmrf.most_evident(self._samples, start))
@@ -74,9 +83,6 @@ class Study:
             outputscale_m2=config.outputscale_m2 or model.outputscale_m2,
             noise_variance_m2=config.noise_std_m**2 or model.noise_variance_m2,
         )
-
-    def _adopt(self, model: _gmrf.Model) -> None:
-        self.field = _gmrf.FieldModel(model)
 
 
 def sample_of(beams: np.ndarray, model: _gmrf.Model) -> _gmrf.Sample:
@@ -95,10 +101,13 @@ def mean_distance_m(beams: np.ndarray) -> float:
     return max(math.sqrt(area_m2 / len(beams)), length_m / len(beams), 1e-3)
 
 
-def coarsest_spacing_m(model: _gmrf.Model, finest_m: float) -> float:
-    """The widest spacing at which what the grid cannot represent stays below the beams' noise."""
+def coarsest_spacing_m(model: _gmrf.Model) -> float:
+    """The widest spacing at which what the grid cannot represent stays below the beams' noise.
+
+    No narrower than the model's own.
+    """
     limit_m2 = LARGEST_DISCRETISATION**2 * model.noise_variance_m2
-    step = math.ceil(math.log(finest_m, SPACING_STEP) - 1e-9)
+    step = math.ceil(math.log(model.spacing_m, SPACING_STEP) - 1e-9)
     # No wider than a quarter of l, where the grid is no image of the field any more.
     while SPACING_STEP ** (step + 1) < 0.25 * model.lengthscale_m:
         wider = _with(model, spacing_m=SPACING_STEP ** (step + 1))
