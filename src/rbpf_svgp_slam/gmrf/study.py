@@ -18,6 +18,8 @@ SAMPLE_BEAMS, SAMPLES = 4000, 8
 BEAMS_PER_NODE = 2.0
 # What the grid cannot represent may be so many standard deviations of a beam's noise.
 LARGEST_DISCRETISATION = 1.25
+# That of a beam three standard deviations off: those of less are left out of a sample.
+OUTLIER_WEIGHT = 5.0 / 13.0
 # Spacings to choose from are this step apart, from 1 m up and down.
 SPACING_STEP = math.sqrt(2.0)
 # Where a first study starts from.
@@ -86,9 +88,14 @@ class Study:
 
 
 def sample_of(beams: np.ndarray, model: _gmrf.Model) -> _gmrf.Sample:
-    """Beams [n, 3] with the weights that they have under a model, if nothing else is known."""
+    """Those of beams [n, 3] that are no outliers under a model.
+
+    At full weight: robust weights would make the noise too small.
+    """
     alone = _gmrf.Map(model.spacing_m, float(np.median(beams[:, 2])))
-    return _gmrf.Sample(beams, alone.robust_weights(_gmrf.FieldModel(model), beams))
+    weights = alone.robust_weights(_gmrf.FieldModel(model), beams)
+    good = weights > OUTLIER_WEIGHT
+    return _gmrf.Sample(beams[good], np.ones(np.count_nonzero(good)))
 
 
 def mean_distance_m(beams: np.ndarray) -> float:
