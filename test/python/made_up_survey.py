@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 
+from rbpf_svgp_slam.evaluation.report import write_report
+from rbpf_svgp_slam.run.run_files import save_run
 from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
 
 NOISE_M = 0.1
@@ -120,6 +122,12 @@ def make_run(seed=0):
 
 def without(run, **changes):
     return dataclasses.replace(run, **changes)
+
+
+def write_run(run, folder):
+    """The whole run folder, as the recorder writes it; returns the report."""
+    save_run(run, folder)
+    return write_report(run, folder)
 
 
 def random_tracks(rng, pings=60):

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_survey import random_tracks
+from made_up_survey import random_tracks, write_run
 
 from rbpf_svgp_slam.evaluation.evaluate_run import NO_EVO, main
-from rbpf_svgp_slam.evaluation.report import write_run
 from rbpf_svgp_slam.metrics import metric_names
 from rbpf_svgp_slam.metrics.evaluation import evaluate
 from rbpf_svgp_slam.metrics.evo_errors import evo_errors

@@ -24,7 +24,7 @@ from rbpf_svgp_slam.metrics.evaluation import evaluate
 from rbpf_svgp_slam.run.survey_run import GridMap, TimeLapse
 
 MAP_FIGURES = (
-    "trajectories raw_bathymetry posterior seabed_maps consistency_maps time_lapse".split()
+    "trajectories raw_bathymetry seabed posterior seabed_maps consistency_maps time_lapse".split()
 )
 
 
@@ -71,6 +71,26 @@ def test_a_map_is_drawn_where_it_is(drawn, run):
     shown = image.get_array()
     np.testing.assert_array_equal(shown.filled(np.nan), run.map.mean.T)
     assert image.origin == "lower"
+
+
+def test_the_seabed_is_drawn_on_the_maps_cells_and_grey_where_no_beam_fell(drawn, run):
+    mean, std = (axes.images[0].get_array().filled(np.nan) for axes in plan_views(drawn["seabed"]))
+    np.testing.assert_array_equal(mean, run.seabed.mean.T)
+    np.testing.assert_array_equal(std, np.sqrt(run.seabed.variance).T)
+    assert 0.05 < np.isnan(mean).mean() < 0.5
+
+
+def test_the_seabed_stands_beside_the_particles_map_and_the_truth(drawn, run):
+    def titles(figure):
+        return [axes.get_title(loc="left") for axes in plan_views(figure)]
+
+    assert titles(drawn["seabed_maps"])[0] == "Seabed"
+    assert {"Particle's map", "True seabed", "Seabed − truth"} < set(titles(drawn["seabed_maps"]))
+    assert len(titles(drawn["seabed_maps"])) == 8
+    with matplotlib.rc_context(figure_style.STYLE):
+        blind, _ = map_figures.seabed_maps(without(run, terrain=None), None)
+    assert {"Seabed − particle's map", "Seabed − cell means"} < set(titles(blind))
+    assert len(titles(blind)) == 6
 
 
 def test_the_deepest_seabed_is_the_darkest():
@@ -337,8 +357,9 @@ def test_the_posterior_of_another_program_has_no_variance_and_no_inducing_points
         grid = dataclasses.replace(run.map, variance=variance)
         figure, caption = map_figures.posterior(without(run, map=grid), None)
         assert len(figure.axes) == 1 and "variance" not in caption
-    figure, caption = map_figures.posterior(without(run, support_points=np.empty((0, 3))), None)
-    assert len(figure.axes) == 2 and "inducing" not in caption
+    for points in (np.empty((0, 3)), np.ones((1001, 3))):  # none, and so many that they hide all
+        figure, caption = map_figures.posterior(without(run, support_points=points), None)
+        assert len(figure.axes) == 2 and "inducing" not in caption
 
 
 def test_a_map_without_values_is_not_drawn(run):

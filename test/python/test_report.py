@@ -5,9 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from made_up_survey import without
+from made_up_survey import without, write_run
 
-from rbpf_svgp_slam.evaluation.report import write_run
 from rbpf_svgp_slam.run.tracks import read_tum
 
 CONTRACT = (
@@ -16,6 +15,7 @@ CONTRACT = (
     "ate_rmse_m dr_ate_rmse_m ate_aligned_rmse_m dr_ate_aligned_rmse_m final_error_m "
     "dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s "
     "map_rmse_m map_msll "
+    "seabed_rmse_m seabed_msll seabed_coverage seabed_interval95_coverage seabed_spacing_m "
     "consistency_rmse_m grid_rmse_m peak_rss_mb"
 ).split()
 
@@ -62,7 +62,7 @@ def test_run_folder_is_complete(run, folder):
     names = {path.name for path in out_dir.iterdir()}
     tracks = {"trajectory.tum", "dead_reckoning.tum", "ground_truth.tum"}
     data = {"map.npz", "survey.npz", "history.npz", "parameters.yaml"}
-    assert names == tracks | data | {"report.json", "report.html"}
+    assert names == tracks | data | {"report.json", "report.html", "seabed.npz"}
     with np.load(out_dir / "map.npz") as saved:
         for name in ("x", "y", "mean", "variance"):
             np.testing.assert_array_equal(saved[name], getattr(run.map, name))
@@ -79,6 +79,7 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
         "trajectories",
         "position_errors",
         "raw_bathymetry",
+        "seabed",
         "posterior",
         "seabed_maps",
         "consistency_maps",
@@ -101,7 +102,7 @@ def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     assert report["map_rmse_m"] == folder[1]["map_rmse_m"]
     assert any("no ground truth" in note for note in report["notes"])
     assert not (tmp_path / "ground_truth.tum").exists()
-    assert (tmp_path / "report.html").read_text().count("<figure id=") == 9
+    assert (tmp_path / "report.html").read_text().count("<figure id=") == 10
 
 
 @pytest.mark.parametrize("pings", [0, 1])
@@ -124,3 +125,7 @@ def test_a_survey_without_beams_is_reported(run, tmp_path, pings):
     assert report["beams"] == 0 and report["map_rmse_m"] is None
     assert report["consistency_rmse_m"] is None and report["particles"] is None
     assert any("not recorded" in note for note in report["notes"])
+    assert report["seabed_rmse_m"] is None
+    why = "no seabed of the final trajectory: 0 beams to make it from; expected at least 4000"
+    assert any(note.startswith(why) for note in report["notes"])
+    assert not (tmp_path / "seabed.npz").exists()

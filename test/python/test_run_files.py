@@ -5,9 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from made_up_survey import make_run
+from made_up_survey import make_run, write_run
 
-from rbpf_svgp_slam.evaluation.report import write_run
 from rbpf_svgp_slam.metrics.evaluation import evaluate
 from rbpf_svgp_slam.run.run_files import RunFolderError, load_run
 from rbpf_svgp_slam.run.survey_run import StoredMap, TimeLapse
@@ -70,9 +69,11 @@ def test_its_report_can_be_made_again(saved):
     again = evaluate(load_run(folder)).report
     assert again.keys() == report.keys()
     for name, value in report.items():
-        # Beams come back in float32, poses with nine decimals.
+        # Beams come back in float32, poses with nine decimals; the search for the seabed's model
+        # may then end beside where it has ended before.
         if isinstance(value, float):
-            assert again[name] == pytest.approx(value, rel=1e-4), name
+            rel = 1e-3 if name.startswith("seabed") else 1e-4
+            assert again[name] == pytest.approx(value, rel=rel), name
         elif not isinstance(value, dict):
             assert again[name] == value, name
 

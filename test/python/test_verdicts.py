@@ -9,6 +9,7 @@ GOOD = {
     "ate_rmse_m": 1.0,
     "dr_ate_rmse_m": 2.0,
     "map_rmse_on_grid_beams_m": 0.1,
+    "seabed_rmse_on_grid_beams_m": 0.1,
     "grid_rmse_m": 0.2,
     "pings": 100,
     "pings_dropped": 0,
@@ -29,8 +30,13 @@ def test_a_good_run_needs_no_warning():
         ),
         (
             {"map_rmse_on_grid_beams_m": 0.3},
-            "The map is worse than a plain 1 m grid of cell means: error at held-out beams 0.300 m "
-            "against 0.200 m (RMS).",
+            "The best particle's map is worse than a plain 1 m grid of cell means: error at "
+            "held-out beams 0.300 m against 0.200 m (RMS).",
+        ),
+        (
+            {"seabed_rmse_on_grid_beams_m": 0.25},
+            "The seabed is worse than a plain 1 m grid of cell means: error at held-out beams "
+            "0.250 m against 0.200 m (RMS).",
         ),
         ({"pings_dropped": 25}, "25 of 125 pings were lost on the way in."),
     ],

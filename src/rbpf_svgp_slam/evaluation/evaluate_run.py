@@ -142,7 +142,7 @@ def scored_names(run: SurveyRun) -> list[str]:
     """The metrics and counters that the run's data tell."""
     if not has_survey(run):
         return ["duration_s", *metric_names.TRAJECTORY_METRICS]
-    unknown = {"terrain_rmse_m"} if run.terrain is None else set()
+    unknown = {"terrain_rmse_m", "seabed_terrain_rmse_m"} if run.terrain is None else set()
     names = (*metric_names.FROM_DATA, *metric_names.METRICS)
     return [name for name in names if name not in unknown]
 

@@ -1,4 +1,4 @@
-"""Writes the folder of a finished run: its data, metrics, page and animation."""
+"""Writes the report into the folder of a finished run: metrics, page, seabed and animation."""
 
 from __future__ import annotations
 
@@ -10,18 +10,8 @@ from rbpf_svgp_slam.evaluation import page
 from rbpf_svgp_slam.figures.time_lapse_figures import write_time_lapse_gif
 from rbpf_svgp_slam.metrics.consistency import ConsistencySettings
 from rbpf_svgp_slam.metrics.evaluation import evaluate
-from rbpf_svgp_slam.run.run_files import save_run
+from rbpf_svgp_slam.run.run_files import save_seabed
 from rbpf_svgp_slam.run.survey_run import SurveyRun
-
-
-def write_run(
-    run: SurveyRun, out_dir: str | Path, settings: ConsistencySettings = ConsistencySettings()
-) -> dict[str, Any]:
-    """Write the run folder `out_dir` and return the report, which report.json holds."""
-    out_dir = Path(out_dir)
-    # Before the metrics, so that the data are safe whatever happens there.
-    save_run(run, out_dir)
-    return write_report(run, out_dir, settings)
 
 
 def write_report(
@@ -29,11 +19,12 @@ def write_report(
 ) -> dict[str, Any]:
     """Write the report's files into a run folder and return what report.json holds.
 
-    These are report.json, report.html and, where the run has a time lapse, time_lapse.gif.
+    These are report.json, report.html and, where the run has them, seabed.npz and time_lapse.gif.
     """
     evaluation = evaluate(run, settings)
     text = json.dumps(evaluation.report, indent=2, allow_nan=False)
     (out_dir / "report.json").write_text(text + "\n", encoding="utf-8")
+    save_seabed(run, out_dir)
     html = page.render(run, evaluation)
     (out_dir / "report.html").write_text(html, encoding="utf-8")
     write_time_lapse_gif(run, out_dir)

@@ -19,6 +19,7 @@ _ROWS = (
     ("map RMSE at held-out beams, m", "map_rmse_m"),
     ("the same, mean of up to 10 particles' maps", "sampled_map_rmse_m/mean"),
     ("the same, the worst of them", "sampled_map_rmse_m/worst"),
+    ("seabed RMSE at held-out beams, m", "seabed_rmse_m"),
     ("RMSE of a 1 m grid of cell means, m", "grid_rmse_m"),
     ("map MSLL, nats", "map_msll"),
     ("consistency RMSE of map and beams, m", "map_consistency_rmse_m"),

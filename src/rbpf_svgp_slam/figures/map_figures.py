@@ -5,6 +5,8 @@ Each function returns a figure and its caption, or None where the run has no dat
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -24,6 +26,9 @@ from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
 _RAW_CELLS, _SPARSE_CELLS = 1000, 400
 # Cells between two pings or two beams, at most: 4 m of a 1 m map.
 _SWATH_GAP_CELLS = 2
+_PARTICLE_MAP = "particle's map"
+# Of more points nothing could be seen below them.
+_MOST_DOTS = 1000
 
 
 def raw_bathymetry(run: SurveyRun, evaluation: Evaluation) -> Drawn:
@@ -72,8 +77,31 @@ def grid_of_beams(run: SurveyRun, poses: np.ndarray, beams: np.ndarray) -> GridM
     return grid
 
 
+def seabed(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw the seabed of the final trajectory: its mean and its standard deviation."""
+    grid = run.seabed
+    if grid is None or not np.isfinite(grid.mean).any():
+        return None
+    figure, panels = style.map_subplots(run, 2)
+    limits = style.colour_limits(grid.mean)
+    depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
+    image = style.draw_grid(panels.flat[0], grid.x, grid.y, grid.mean, **depth)
+    style.colour_bar(image, style.DEPTH_LABEL)
+    style.map_axes(panels.flat[0], "Seabed of the final trajectory")
+    std = np.sqrt(grid.variance)
+    limits = style.colour_limits(std)
+    image = style.draw_grid(panels.flat[1], grid.x, grid.y, std, cmap=style.SPREAD_MAP, **limits)
+    style.colour_bar(image, "standard deviation (m)")
+    style.map_axes(panels.flat[1], "Its standard deviation")
+    return figure, (
+        "The seabed that all beams but the held-out ones show, placed with the final trajectory: "
+        "its mean, in shaded relief, and its standard deviation, a beam's noise not included. Grey "
+        "where no beam fell."
+    )
+
+
 def posterior(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw the map's posterior: its mean, and its variance with the support points."""
+    """Draw the best particle's map: its mean, and its variance with the support points."""
     grid = run.map
     if not np.isfinite(grid.mean).any():
         return None
@@ -83,12 +111,12 @@ def posterior(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
     image = style.draw_grid(panels.flat[0], grid.x, grid.y, grid.mean, **depth)
     style.colour_bar(image, style.DEPTH_LABEL)
-    style.map_axes(panels.flat[0], "Posterior mean of the map")
-    caption = "The mean of the estimated map, in shaded relief"
+    style.map_axes(panels.flat[0], "The best particle's map: posterior mean")
+    caption = "The mean of the map that the best particle had, in shaded relief"
     if has_variance:
         _draw_variance(panels.flat[1], run)
         caption += ", and the variance of its latent depth, on a logarithmic scale"
-        if len(run.support_points):
+        if 0 < len(run.support_points) <= _MOST_DOTS:
             caption += f", with the {len(run.support_points)} {run.support_label} (dots)"
     return figure, caption + "."
 
@@ -101,29 +129,36 @@ def _draw_variance(axes: Axes, run: SurveyRun) -> None:
         limits = {"norm": LogNorm(**limits)}
     image = style.draw_grid(axes, grid.x, grid.y, grid.variance, cmap=style.SPREAD_MAP, **limits)
     style.colour_bar(image, "variance of latent depth (m²)")
-    dots = {"s": 7, "color": "white", "edgecolor": "black", "linewidth": 0.6}
-    axes.scatter(*run.support_points[:, :2].T, **dots)
+    has_dots = 0 < len(run.support_points) <= _MOST_DOTS
+    if has_dots:
+        dots = {"s": 7, "color": "white", "edgecolor": "black", "linewidth": 0.6}
+        axes.scatter(*run.support_points[:, :2].T, **dots)
     axes.set_xlim(*image.get_extent()[:2])
     axes.set_ylim(*image.get_extent()[2:])
-    points = f" and {run.support_label}" if len(run.support_points) else ""
+    points = f" and {run.support_label}" if has_dots else ""
     style.map_axes(axes, f"Posterior variance{points}")
 
 
 def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw the map beside the grid of cell means and the true seabed, and their differences."""
+    """Draw the seabed, the particle's map, the cell means and the truth, and their differences."""
     ours = run.map
     if not np.isfinite(ours.mean).any():
         return None
-    seabeds = {"GP map": ours.mean, "cell means": grid_on(ours, run.beams)}
+    seabeds = {_PARTICLE_MAP: ours.mean, "cell means": grid_on(ours, run.beams)}
+    if run.seabed is not None:
+        seabeds = {"seabed": run.seabed.mean, **seabeds}
+    # Of all against the truth, and one more, so that there are as many as seabeds; without the
+    # truth, of each against each.
+    pairs = list(itertools.combinations(seabeds, 2))
     if run.terrain is not None:
+        pairs = [*((name, "true seabed") for name in seabeds), pairs[0]]
         seabeds["true seabed"] = terrain_at(run.terrain, ours)
-    pairs = [("GP map", "true seabed"), ("cell means", "true seabed"), ("GP map", "cell means")]
     differences = {
-        f"{a} − {b}": seabeds[a] - seabeds[b] for a, b in pairs if a in seabeds and b in seabeds
+        f"{a} − {b}".replace("true seabed", "truth"): seabeds[a] - seabeds[b] for a, b in pairs
     }
     figure, panels = style.map_subplots(run, len(seabeds) + len(differences))
     # Row by row for seabeds above their differences, column by column for seabeds beside them.
-    panels = (panels.T if panels.shape == (3, 2) else panels).ravel()
+    panels = (panels.T if panels.shape == (len(seabeds), 2) else panels).ravel()
     depth = {"cmap": style.DEPTH_MAP, **style.colour_limits(*seabeds.values())}
     _draw_panels(panels[: len(seabeds)], ours, seabeds, style.DEPTH_LABEL, **depth)
     # Beyond the swaths the map is a guess, whose errors would hide all others. Between the pings,
@@ -136,8 +171,9 @@ def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     signed = {"cmap": style.DIFFERENCE_MAP, **limits}
     _draw_panels(panels[len(seabeds) :], ours, differences, "difference (m)", **signed)
     return figure, (
-        "The map's mean beside the cell means of the same beams and the true seabed where it is "
-        "known, on one colour scale, and their differences, where beams have been, on another."
+        "The seabed of the final trajectory, the best particle's map, the cell means of the same "
+        "beams, and the true seabed where it is known, on one colour scale; and their differences, "
+        "where beams have been, on another."
     )
 
 
@@ -151,27 +187,25 @@ def _draw_panels(panels, grid: GridMap, layers: dict[str, np.ndarray], label: st
 
 def held_out_residuals(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     """Draw the residuals at held-out beams against what the map predicted of them."""
-    scores = evaluation.held_out
-    if scores is None:
+    scored = {"seabed": evaluation.seabed_held_out, _PARTICLE_MAP: evaluation.held_out}
+    scored = {name: scores for name, scores in scored.items() if scores is not None}
+    if not scored:
         return None
     figure = Figure(figsize=(style.WIDTH_IN, 3.2))
     metres, standardised = figure.subplots(1, 2)
+    scores = next(iter(scored.values()))
     on_grid = scores.grid_residual_m[scores.on_grid]
-    reach = np.percentile(np.abs(np.concatenate([scores.residual_m, on_grid])), 99.5)
-    bins = np.linspace(-reach, reach, 51) if reach > 0 else 10
-    filled = {"bins": bins, "density": True, "histtype": "stepfilled"}
-    outline = {"bins": bins, "density": True, "histtype": "step", "linewidth": 1.4}
-    colour, other = style.COLOURS["estimate"], style.COLOURS["dead_reckoning"]
-    metres.hist(scores.residual_m, color=colour, alpha=0.45, label="GP map", **filled)
+    residuals = {name: scores.residual_m for name, scores in scored.items()}
     if len(on_grid):
-        label = f"{GRID_RESOLUTION_M:g} m grid of cell means"
-        metres.hist(on_grid, color=other, label=label, **outline)
+        residuals[f"{GRID_RESOLUTION_M:g} m grid of cell means"] = on_grid
+    reach = np.percentile(np.abs(np.concatenate(list(residuals.values()))), 99.5)
+    _draw_densities(metres, residuals, np.linspace(-reach, reach, 51) if reach > 0 else 10)
     metres.set(xlabel="held-out z − predicted z (m)", ylabel="density (1/m)", title="Residuals")
     metres.legend(loc="upper left")
 
     span = np.linspace(-5, 5, 201)
-    filled["bins"] = np.linspace(-5, 5, 51)
-    standardised.hist(scores.standardised, color=colour, alpha=0.45, label="GP map", **filled)
+    ratios = {name: scores.standardised for name, scores in scored.items()}
+    _draw_densities(standardised, ratios, np.linspace(-5, 5, 51))
     standardised.plot(span, norm.pdf(span), color="black", label="predicted, N(0, 1)")
     standardised.set(xlabel="residual / predicted std", ylabel="density", title="Standardised")
     standardised.legend(loc="upper left")
@@ -180,6 +214,16 @@ def held_out_residuals(run: SurveyRun, evaluation: Evaluation) -> Drawn:
         "plain grid, and divided by the predicted standard deviation, noise included, beside the "
         "density they should have."
     )
+
+
+def _draw_densities(axes: Axes, layers: dict[str, np.ndarray], bins: np.ndarray | int) -> None:
+    """Draw histograms of values [n]: the first filled, the others as outlines."""
+    first, *_ = layers
+    for (name, values), colour in zip(layers.items(), style.CURVE_COLOURS):
+        look = {"histtype": "step", "linewidth": 1.4}
+        if name == first:
+            look = {"histtype": "stepfilled", "alpha": 0.45}
+        axes.hist(values, bins=bins, density=True, color=colour, label=name, **look)
 
 
 def consistency_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:

@@ -17,6 +17,7 @@ _FIGURES = (
     track_figures.trajectories,
     track_figures.position_errors,
     map_figures.raw_bathymetry,
+    map_figures.seabed,
     map_figures.posterior,
     map_figures.seabed_maps,
     map_figures.consistency_maps,

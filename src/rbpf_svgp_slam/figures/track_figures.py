@@ -32,11 +32,13 @@ _HISTORY_PANELS = (
 
 
 def trajectories(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw all trajectories over the map's mean."""
+    """Draw all trajectories over the seabed; where there is none, over the best particle's map."""
     if not len(run.stamp_s):
         return None
     figure, [[axes]] = style.map_subplots(run, 1)
-    grid = run.map
+    grid, ground = run.seabed, "the seabed"
+    if grid is None:
+        grid, ground = run.map, "the best particle's map"
     if grid.mean.size:
         limits = style.colour_limits(grid.mean)
         depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
@@ -47,9 +49,9 @@ def trajectories(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     if run.ground_truth is not None:
         draw_track(axes, "ground_truth", run.ground_truth)
     mark_start_and_end(axes, run.estimate)
-    style.map_axes(axes, "Trajectories over the mean of the map")
+    style.map_axes(axes, f"Trajectories over {ground}")
     style.legend_below(axes)
-    return figure, "Trajectories in the map frame over the mean of the estimated seabed."
+    return figure, f"Trajectories in the map frame over {ground}."
 
 
 def draw_track(axes: Axes, name: str, poses: np.ndarray) -> None:

@@ -10,11 +10,11 @@ import rospy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from rbpf_svgp_slam.map_node.clouds import point_cloud
 from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.protocol.clouds import point_cloud
 from rbpf_svgp_slam.survey_area.grid import survey_grid
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
 

@@ -22,6 +22,7 @@ from rbpf_svgp_slam.metrics.map_metrics import (
     score_held_out,
     terrain_at,
 )
+from rbpf_svgp_slam.metrics.metric_names import SEABED_METRICS
 from rbpf_svgp_slam.metrics.trajectory_errors import (
     ate_aligned_rmse,
     ate_rmse,
@@ -30,7 +31,7 @@ from rbpf_svgp_slam.metrics.trajectory_errors import (
     rpe_rmse,
 )
 from rbpf_svgp_slam.metrics.verdicts import verdicts
-from rbpf_svgp_slam.run.survey_run import SurveyRun
+from rbpf_svgp_slam.run.survey_run import GridMap, Predict, SurveyRun
 
 _COUNTERS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s "
@@ -45,25 +46,28 @@ class Evaluation:
     """The report and the arrays behind its figures."""
 
     report: dict[str, Any]
-    held_out: HeldOutScores | None
+    held_out: HeldOutScores | None  # of the best particle's map
+    seabed_held_out: HeldOutScores | None
     consistencies: dict[str, Consistency]  # by trajectory, and of the map with the beams
 
 
 def evaluate(run: SurveyRun, settings: ConsistencySettings = ConsistencySettings()) -> Evaluation:
     """Compute every metric of the run; what cannot be known is None, with a note that says why."""
     notes: list[str] = []
-    held_out = _score_map(run, notes)
+    held_out, seabed_held_out = _score_maps(run, notes)
     consistencies = _consistencies(run, settings, notes)
     report = {
         **run.statistics,
         **_counters(run, notes),
         **_trajectory_metrics(run, notes),
         **_map_metrics(run, held_out, notes),
+        **_seabed_metrics(run, seabed_held_out),
         **_consistency_metrics(run, consistencies, settings),
         "notes": notes,
     }
     report = json_ready(report)
-    return Evaluation({**report, "verdicts": verdicts(report)}, held_out, consistencies)
+    report["verdicts"] = verdicts(report)
+    return Evaluation(report, held_out, seabed_held_out, consistencies)
 
 
 def json_ready(value: Any) -> Any:
@@ -127,7 +131,10 @@ def _trajectory_metrics(run: SurveyRun, notes: list[str]) -> dict[str, Any]:
     }
 
 
-def _score_map(run: SurveyRun, notes: list[str]) -> HeldOutScores | None:
+def _score_maps(
+    run: SurveyRun, notes: list[str]
+) -> tuple[HeldOutScores | None, HeldOutScores | None]:
+    """Of the best particle's map and of the seabed."""
     is_held_out = run.held_out[run.ping_of_beam]
     finite = np.isfinite(run.beams).all(axis=1)
     if not finite.all():
@@ -135,12 +142,27 @@ def _score_map(run: SurveyRun, notes: list[str]) -> HeldOutScores | None:
     held_out, training = run.beams[is_held_out & finite], run.beams[~is_held_out & finite]
     if not len(held_out):
         notes.append("no held-out beams: the map's errors are unknown")
+
+    def score(name: str, predict: Predict, noise_variance_m2: float) -> HeldOutScores | None:
+        if not len(held_out):
+            return None
+        scores = score_held_out(predict, noise_variance_m2, held_out, training)
+        if len(scores.residual_m):
+            return scores
+        notes.append(f"the {name} predicts no held-out beam: its errors are unknown")
         return None
-    scores = score_held_out(run.predict, run.noise_variance_m2, held_out, training)
-    if not len(scores.residual_m):
-        notes.append("the map predicts no held-out beam: its errors are unknown")
-        return None
-    return scores
+
+    of_map = score("map", run.predict, run.noise_variance_m2)
+    seabed = run.seabed_map
+    if seabed is None:
+        notes.append(f"no seabed of the final trajectory: {run.why_no_seabed}")
+        return of_map, None
+    if seabed.spacing_m > run.map.resolution_m:
+        notes.append(
+            f"the seabed is computed on nodes {seabed.spacing_m:g} m apart, coarser than the map's "
+            f"{run.map.resolution_m:g} m: of those it would have too many"
+        )
+    return of_map, score("seabed", seabed.predict, seabed.noise_variance_m2)
 
 
 def _map_metrics(run: SurveyRun, scores: HeldOutScores | None, notes: list[str]) -> dict[str, Any]:
@@ -150,7 +172,7 @@ def _map_metrics(run: SurveyRun, scores: HeldOutScores | None, notes: list[str])
     ).split()
     metrics: dict[str, Any] = dict.fromkeys(names)
     metrics["map_rmse_at_ground_truth_m"] = _rmse_at_ground_truth(run)
-    metrics["terrain_rmse_m"] = _terrain_rmse(run)
+    metrics["terrain_rmse_m"] = _terrain_rmse(run, run.map)
     metrics["noise_std_m"] = math.sqrt(run.noise_variance_m2)
     if scores is None:
         return metrics
@@ -159,7 +181,6 @@ def _map_metrics(run: SurveyRun, scores: HeldOutScores | None, notes: list[str])
         notes.append("no held-out beam lies on or beside a filled cell: the grid says nothing")
     if scores.msll is None:
         notes.append("no spread of training beams to compare with: map_msll is unknown")
-    covered = np.abs(scores.standardised) < _INTERVAL95_SIGMAS
     return {
         **metrics,
         "map_rmse_m": rmse(scores.residual_m),
@@ -168,9 +189,28 @@ def _map_metrics(run: SurveyRun, scores: HeldOutScores | None, notes: list[str])
         "grid_rmse_m": rmse(scores.grid_residual_m[on_grid]),
         "grid_coverage": on_grid.mean(),
         "map_rmse_on_grid_beams_m": rmse(scores.residual_m[on_grid]),
-        "interval95_coverage": covered.mean(),
+        "interval95_coverage": _interval95_coverage(scores),
         "held_out_beams": len(scores.residual_m),
     }
+
+
+def _seabed_metrics(run: SurveyRun, scores: HeldOutScores | None) -> dict[str, Any]:
+    metrics: dict[str, Any] = dict.fromkeys(SEABED_METRICS)
+    if run.seabed is not None:
+        metrics["seabed_terrain_rmse_m"] = _terrain_rmse(run, run.seabed)
+        metrics["seabed_noise_std_m"] = math.sqrt(run.seabed_map.noise_variance_m2)
+        metrics["seabed_spacing_m"] = run.seabed_map.spacing_m
+    if scores is not None:
+        metrics["seabed_rmse_m"] = rmse(scores.residual_m)
+        metrics["seabed_msll"] = scores.msll
+        metrics["seabed_coverage"] = scores.coverage
+        metrics["seabed_rmse_on_grid_beams_m"] = rmse(scores.residual_m[scores.on_grid])
+        metrics["seabed_interval95_coverage"] = _interval95_coverage(scores)
+    return metrics
+
+
+def _interval95_coverage(scores: HeldOutScores) -> float:
+    return float(np.mean(np.abs(scores.standardised) < _INTERVAL95_SIGMAS))
 
 
 def _rmse_at_ground_truth(run: SurveyRun) -> float | None:
@@ -184,12 +224,12 @@ def _rmse_at_ground_truth(run: SurveyRun) -> float | None:
     return rmse(residual[np.isfinite(residual)])
 
 
-def _terrain_rmse(run: SurveyRun) -> float | None:
-    """RMSE of the map's mean against the true terrain over the cells that beams have hit."""
+def _terrain_rmse(run: SurveyRun, grid: GridMap) -> float | None:
+    """RMSE of the grid's mean against the true terrain over the cells that beams have hit."""
     if run.terrain is None:
         return None
-    difference = run.map.mean - terrain_at(run.terrain, run.map)
-    hit = np.isfinite(grid_on(run.map, run.beams)) & np.isfinite(difference)
+    difference = grid.mean - terrain_at(run.terrain, grid)
+    hit = np.isfinite(grid_on(grid, run.beams)) & np.isfinite(difference)
     return rmse(difference[hit])
 
 

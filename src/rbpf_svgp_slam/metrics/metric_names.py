@@ -17,18 +17,23 @@ MAP_METRICS = (
     "map_rmse_m map_msll map_coverage grid_rmse_m grid_coverage map_rmse_on_grid_beams_m "
     "interval95_coverage held_out_beams map_rmse_at_ground_truth_m terrain_rmse_m noise_std_m"
 ).split()
+SEABED_METRICS = (
+    "seabed_rmse_m seabed_msll seabed_coverage seabed_rmse_on_grid_beams_m "
+    "seabed_interval95_coverage seabed_terrain_rmse_m seabed_noise_std_m seabed_spacing_m"
+).split()
 CONSISTENCY_METRICS = (
     "consistency_rmse_m dr_consistency_rmse_m ground_truth_consistency_rmse_m "
     "map_consistency_rmse_m "
     "overlap_consistency_rmse_m dr_overlap_consistency_rmse_m "
     "ground_truth_overlap_consistency_rmse_m"
 ).split()
-METRICS = (*TRAJECTORY_METRICS, *MAP_METRICS, *CONSISTENCY_METRICS)
+METRICS = (*TRAJECTORY_METRICS, *MAP_METRICS, *SEABED_METRICS, *CONSISTENCY_METRICS)
 
-#: Errors of the filter and of its map, of which the lowest is the best; not those of dead
+#: Errors of the filter and of its maps, of which the lowest is the best; not those of dead
 #: reckoning, of the ground truth or of the grid, which are what they are compared with.
 ERRORS = frozenset(
     "ate_rmse_m ate_ratio ate_aligned_rmse_m final_error_m rpe_rmse_m map_rmse_m map_msll "
     "map_rmse_on_grid_beams_m map_rmse_at_ground_truth_m terrain_rmse_m map_consistency_rmse_m "
+    "seabed_rmse_m seabed_msll seabed_rmse_on_grid_beams_m seabed_terrain_rmse_m "
     "consistency_rmse_m overlap_consistency_rmse_m".split()
 )

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+_WORSE = "worse than a plain 1 m grid of cell means: error at held-out beams"
+
 
 def verdicts(report: dict[str, Any]) -> list[str]:
     """Sentences, from a report; none if there is nothing to warn of."""
     found = []
     for ours, other, sentence in (
         ("ate_rmse_m", "dr_ate_rmse_m", "The filter is worse than dead reckoning: position error"),
-        (
-            "map_rmse_on_grid_beams_m",
-            "grid_rmse_m",
-            "The map is worse than a plain 1 m grid of cell means: error at held-out beams",
-        ),
+        ("map_rmse_on_grid_beams_m", "grid_rmse_m", f"The best particle's map is {_WORSE}"),
+        ("seabed_rmse_on_grid_beams_m", "grid_rmse_m", f"The seabed is {_WORSE}"),
     ):
         a, b = report.get(ours), report.get(other)
         if a is not None and b is not None and a > b:

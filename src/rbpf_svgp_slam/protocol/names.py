@@ -16,6 +16,8 @@ MAP_MEAN = "map/mean"
 MAP_VARIANCE = "map/variance"
 #: The map's `support_points`. The topic has its name from the engine that was the first.
 MAP_SUPPORT_POINTS = "map/inducing_points"
+#: The seabed of the final trajectory, published by the recorder.
+MAP_SEABED = "map/seabed"
 #: Plays a bag for replay.launch. Its parameters: rosbag play's exit status, PLAYING before it has
 #: ended, and what went wrong.
 PLAYER = "player"

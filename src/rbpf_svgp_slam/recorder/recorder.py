@@ -15,7 +15,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path as PathMessage
 from std_srvs.srv import Trigger, TriggerResponse
 
-from rbpf_svgp_slam.evaluation.report import write_run
+from rbpf_svgp_slam.evaluation.report import write_report
 from rbpf_svgp_slam.evaluation.result_lines import summarise
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 from rbpf_svgp_slam.parameters.loading import RecorderParameters, validate, validate_recorder
@@ -28,7 +28,9 @@ from rbpf_svgp_slam.recorder.ground_truth import POSE_OF, GroundTruth
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import nothing_taken_in
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
+from rbpf_svgp_slam.recorder.seabed_publisher import SeabedPublisher
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
+from rbpf_svgp_slam.run.run_files import save_run
 
 NAME = "survey_recorder"
 POLL_S = 0.1
@@ -76,6 +78,7 @@ class Recorder:
         self._map_frame = parameters.frames.map
         self._path = rospy.Publisher("ground_truth_path", PathMessage, queue_size=1, latch=True)
         self._next_path_s = 0.0
+        self._seabed = SeabedPublisher(self._map_frame)
         self._saving = False
         self._subscribers = [
             rospy.Subscriber("ground_truth", rospy.AnyMsg, self._on_ground_truth),
@@ -111,7 +114,11 @@ class Recorder:
         rospy.loginfo("Writing the report to %s", self._recording.out_dir)
         bag = source.path if source else ""
         run = assemble_run(self._recording, self._pings_lost(source), bag)
-        report = write_run(run, self._recording.out_dir)
+        # At first, so that the data are safe whatever happens then.
+        save_run(run, self._recording.out_dir)
+        # Before the report, which takes its time: RViz ends with the launch.
+        self._seabed.publish(run)
+        report = write_report(run, self._recording.out_dir)
         self.farewell = summarise(report, self._recording.out_dir)
 
     def _source(self) -> PlayedBag | OfflineReplay | None:

@@ -3,8 +3,8 @@
 trajectory.tum, dead_reckoning.tum, ground_truth.tum: the pings' poses; map.npz: the map on its
 grid, and the engine's own state; survey.npz: the pings' beams; history.npz: the filter's status
 over time; time_lapse.npz: one particle's map as it grew; parameters.yaml: the full parameter set.
-report.json, report.html and time_lapse.gif are made of these; what only the running system knew
-stands in report.json alone.
+report.json, report.html, seabed.npz and time_lapse.gif are made of these; what only the running
+system knew stands in report.json alone.
 """
 
 from __future__ import annotations
@@ -56,6 +56,26 @@ def save_run(run: SurveyRun, out_dir: Path) -> None:
         frames = {name: getattr(run.time_lapse, name) for name in _TIME_LAPSE}
         np.savez_compressed(out_dir / "time_lapse.npz", **frames)
     (out_dir / "parameters.yaml").write_text(yaml.safe_dump(run.config, sort_keys=True))
+
+
+def save_seabed(run: SurveyRun, out_dir: Path) -> None:
+    """Write seabed.npz: the seabed of the final trajectory; where there is none, no file stays."""
+    path = out_dir / "seabed.npz"
+    if run.seabed is None:
+        path.unlink(missing_ok=True)
+        return
+    model = run.seabed_map.model
+    np.savez_compressed(
+        path,
+        x=run.seabed.x,
+        y=run.seabed.y,
+        mean=run.seabed.mean,
+        std=np.sqrt(run.seabed.variance),
+        noise_std_m=np.sqrt(model.noise_variance_m2),
+        lengthscale_m=model.lengthscale_m,
+        outputscale_m2=model.outputscale_m2,
+        spacing_m=model.spacing_m,
+    )
 
 
 def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRun:

@@ -8,6 +8,9 @@ from typing import Any, Callable
 
 import numpy as np
 
+from rbpf_svgp_slam.gmrf.survey_map import SurveyMap
+from rbpf_svgp_slam.survey_area.grid import grid_points
+
 Predict = Callable[[np.ndarray], "tuple[np.ndarray, np.ndarray]"]
 
 
@@ -25,6 +28,11 @@ class GridMap:
         _check_shape("mean", self.mean, expected)
         if self.variance is not None:
             _check_shape("variance", self.variance, expected)
+
+    @property
+    def resolution_m(self) -> float:
+        """Between the cells along x; of two of them at least."""
+        return float(np.ptp(self.x)) / (len(self.x) - 1)
 
 
 @dataclass
@@ -108,6 +116,39 @@ class SurveyRun:
     def beams_ground_truth(self) -> np.ndarray | None:
         """Placed where they really were; NaN where that is not known."""
         return None if self.ground_truth is None else self._placed(self.ground_truth)
+
+    # The seabed: what all beams but the held-out ones say, placed with the estimate. `map` is the
+    # best particle's own, by whatever engine the particles have.
+
+    @property
+    def seabed_map(self) -> SurveyMap | None:
+        """The seabed at any place; None where there is none."""
+        return self._seabed_map_or_why_not[0]
+
+    @property
+    def why_no_seabed(self) -> str:
+        """What the seabed lacks; empty where there is one."""
+        return self._seabed_map_or_why_not[1]
+
+    @cached_property
+    def seabed(self) -> GridMap | None:
+        """The seabed on the cells of `map`, NaN where no beam fell; None where there is none."""
+        if self.seabed_map is None:
+            return None
+        x, y = self.map.x, self.map.y
+        mean, variance = self.seabed_map.predict(grid_points(x, y))
+        return GridMap(x, y, mean.reshape(len(x), len(y)), variance.reshape(len(x), len(y)))
+
+    @cached_property
+    def _seabed_map_or_why_not(self) -> tuple[SurveyMap | None, str]:
+        if min(len(self.map.x), len(self.map.y)) < 2:
+            return None, "the map has no grid that says how fine it should be"
+        known = np.isfinite(self.beams).all(axis=1) & ~self.held_out[self.ping_of_beam]
+        cell_m = np.array([self.map.x[0], self.map.y[0]])  # the cells' centres are nodes
+        try:
+            return SurveyMap(self.beams[known], self.map.resolution_m, cell_m), ""
+        except ValueError as error:
+            return None, str(error)
 
     def _placed(self, poses: np.ndarray) -> np.ndarray:
         return place_beams(self.levelled, self.ping_of_beam, poses)
