@@ -8,15 +8,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rbpf_svgp_slam import _gmrf
-from rbpf_svgp_slam.gmrf.study import FIRST_BEAMS, START
+from rbpf_svgp_slam.gmrf.study import FIRST_BEAMS, START, sample_of
 
 # Of a survey that would need more, the nodes lie further apart: some 20 s of one core.
 MOST_NODES = 500_000
 # The model is learned from so many places, square, so many nodes wide, each with so many beams.
 PATCHES, PATCH_NODES, PATCH_BEAMS = 8, 16, 4000
-# A beam that lies three standard deviations off the seabed has this robust weight; one with less
-# teaches nothing.
-LEAST_WEIGHT = 5.0 / 13.0
 # Beams that are weighted together, in the survey's order.
 BLOCK_BEAMS = 4000
 
@@ -86,18 +83,8 @@ def _learned(beams: np.ndarray, spacing_m: float) -> _gmrf.Model:
     model = _gmrf.Model(spacing_m, **start)
     patches = list(_patches(beams, 0.5 * PATCH_NODES * spacing_m))
     for some in (patches[:1], patches):
-        model = _gmrf.most_evident([_fitting(patch, model) for patch in some], model)
+        model = _gmrf.most_evident([sample_of(patch, model) for patch in some], model)
     return model
-
-
-def _fitting(beams: np.ndarray, model: _gmrf.Model) -> _gmrf.Sample:
-    """Those of the beams [k, 3] that fit a model, each of full weight.
-
-    A good beam's robust weight is below 1, too, from which the noise would be learned too small.
-    """
-    alone = _gmrf.Map(model.spacing_m, float(np.median(beams[:, 2])))
-    good = alone.robust_weights(_gmrf.FieldModel(model), beams) > LEAST_WEIGHT
-    return _gmrf.Sample(beams[good], np.ones(good.sum()))
 
 
 def _patches(beams: np.ndarray, reach_m: float) -> Iterator[np.ndarray]:
