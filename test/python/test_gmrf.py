@@ -9,6 +9,7 @@ from number_maps import TIMEOUT_S, in_threads, map_bytes, no_fetch, prepare_all
 from rbpf_svgp_slam import _gmrf
 from rbpf_svgp_slam.gmrf.gmrf_config import GmrfConfig
 from rbpf_svgp_slam.gmrf.gmrf_group import GmrfGroup
+from rbpf_svgp_slam.gmrf.study import Study
 from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.maps import group_class, load_map
 from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
@@ -116,6 +117,19 @@ def as_numbers(group):
         model.outputscale_m2,
         model.noise_variance_m2,
     ]
+
+
+@pytest.mark.parametrize("scale, noise_m", [(0.05, 0.005), (200.0, 20.0)])
+def test_a_tank_and_the_deep_sea_are_learned_too(scale, noise_m):
+    # A search starts from the beams' own distances and variance: a fixed start, of metres, would
+    # not find its way here.
+    study = Study(GmrfConfig())
+    beams = survey(4000) * scale
+    beams[:, 2] += (noise_m - NOISE_M * scale) * np.random.default_rng(1).standard_normal(4000)
+    study.learn(beams)
+    model = study.field.model
+    assert math.sqrt(model.noise_variance_m2) == pytest.approx(noise_m, rel=0.4)
+    assert model.spacing_m < 15.0 * scale  # of waves of 25 and 38
 
 
 def test_outliers_do_not_pass_for_noise():

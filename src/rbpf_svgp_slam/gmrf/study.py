@@ -22,8 +22,9 @@ LARGEST_DISCRETISATION = 1.25
 OUTLIER_WEIGHT = 5.0 / 13.0
 # Spacings to choose from are this step apart, from 1 m up and down.
 SPACING_STEP = math.sqrt(2.0)
-# Where a first study starts from.
-START = {"lengthscale_m": 25.0, "outputscale_m2": 1.0, "noise_variance_m2": 0.01}
+# A search starts from this lengthscale, or from so many nodes where these are wide; and from the
+# beams' own variance, of which the noise has this share.
+START_LENGTHSCALE_M, START_NODES, START_NOISE_SHARE = 25.0, 4.0, 0.01
 
 
 class Study:
@@ -63,7 +64,7 @@ class Study:
 
     def _first_model(self, beams: np.ndarray) -> _gmrf.Model:
         """A model by which outliers can be told."""
-        fine = self._configured(_gmrf.Model(BEAMS_PER_NODE * mean_distance_m(beams), **START))
+        fine = self._configured(first_guess(beams, BEAMS_PER_NODE * mean_distance_m(beams)))
         self._samples = [sample_of(beams, fine)]
         fine = self._most_evident(fine)
         self._samples = []
@@ -85,6 +86,17 @@ class Study:
             outputscale_m2=config.outputscale_m2 or model.outputscale_m2,
             noise_variance_m2=config.noise_std_m**2 or model.noise_variance_m2,
         )
+
+
+def first_guess(beams: np.ndarray, spacing_m: float) -> _gmrf.Model:
+    """Where a search for the model of beams [n, 3] starts from."""
+    variance_m2 = max(float(np.var(beams[:, 2])), 1e-6)
+    return _gmrf.Model(
+        spacing_m,
+        lengthscale_m=max(START_LENGTHSCALE_M, START_NODES * spacing_m),
+        outputscale_m2=variance_m2,
+        noise_variance_m2=START_NOISE_SHARE * variance_m2,
+    )
 
 
 def sample_of(beams: np.ndarray, model: _gmrf.Model) -> _gmrf.Sample:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rbpf_svgp_slam import _gmrf
-from rbpf_svgp_slam.gmrf.study import FIRST_BEAMS, START, sample_of
+from rbpf_svgp_slam.gmrf.study import FIRST_BEAMS, first_guess, sample_of
 
 # Of a survey that would need more, the nodes lie further apart: some 20 s of one core.
 MOST_NODES = 500_000
@@ -79,8 +79,7 @@ def _affordable_spacing_m(beams: np.ndarray, spacing_m: float) -> float:
 
 def _learned(beams: np.ndarray, spacing_m: float) -> _gmrf.Model:
     """Outliers are told by a model, and a model is learned without them: hence twice."""
-    start = {**START, "lengthscale_m": max(START["lengthscale_m"], 4.0 * spacing_m)}
-    model = _gmrf.Model(spacing_m, **start)
+    model = first_guess(beams, spacing_m)
     patches = list(_patches(beams, 0.5 * PATCH_NODES * spacing_m))
     for some in (patches[:1], patches):
         model = _gmrf.most_evident([sample_of(patch, model) for patch in some], model)
