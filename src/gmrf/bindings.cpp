@@ -141,6 +141,7 @@ PYBIND11_MODULE(_gmrf, module) {
           Unlocked())
       .def("nodes_with_data",
            [](const Map& map) -> Rows2 { return map.nodesWithData().transpose(); })
+      .def("tile_middles", [](const Map& map) -> Rows2 { return map.tileMiddles().transpose(); })
       .def_property_readonly("spacing_m", &Map::spacing_m)
       .def_property_readonly("reference_m", &Map::reference_m)
       .def_property_readonly("tiles", [](const Map& map) { return map.sums().entries().size(); });

@@ -226,4 +226,13 @@ Points Map::nodesWithData() const {
   return points;
 }
 
+Points Map::tileMiddles() const {
+  Points middles(2, static_cast<Eigen::Index>(sums_.entries().size()));
+  Eigen::Index t = 0;
+  for (const TiledSums::Entry& entry : sums_.entries()) {
+    middles.col(t++) << entry.index.i + 0.5, entry.index.j + 0.5;
+  }
+  return Tile::kCells * spacing_m_ * middles;
+}
+
 }  // namespace gmrf

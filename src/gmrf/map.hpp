@@ -69,8 +69,9 @@ class Map {
   Prediction predict(const Points& points, const FieldModel& field,
                      Variances variances = Variances::kAll) const;
 
-  // Where the nodes are that beams have said something about.
+  // Where the nodes are that beams have said something about; and the middles of the tiles.
   Points nodesWithData() const;
+  Points tileMiddles() const;
 
   double spacing_m() const { return spacing_m_; }
   double reference_m() const { return reference_m_; }

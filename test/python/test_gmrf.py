@@ -232,9 +232,12 @@ def test_maps_find_the_seabed():
         error_m = mean - depth(*points(200).T)
         assert np.sqrt(np.mean(error_m**2)) < NOISE_M
         assert np.all((variance > 0.0) & (variance <= one.prior_variance_m2))
-        nodes = one.support_points()
-        assert len(nodes) > 100
-        np.testing.assert_array_equal(nodes[:, :2] % 1.5, 0.0)
+        # Tiles of 16 x 16 cells of 1.5 m, wherever beams are.
+        middles = one.support_points()[:, :2]
+        np.testing.assert_array_equal(middles % 24.0, 12.0)
+        x, y = points(200).T
+        nearest_m = np.abs(middles - np.stack([x, y], axis=1)[:, None]).max(axis=2).min(axis=1)
+        assert nearest_m.max() <= 12.0
 
 
 def test_a_bad_block_goes_into_no_map():

@@ -25,7 +25,7 @@ class GmrfMap(StreamMap):
     was written with.
     """
 
-    support_label = "nodes with data"
+    support_label = "middles of tiles"
     skipped_steps = 0
 
     def __init__(
@@ -92,8 +92,8 @@ class GmrfMap(StreamMap):
     def support_points(self) -> np.ndarray:
         if self.core is None:
             return np.empty((0, 3))
-        nodes = self.core.nodes_with_data()
-        return np.column_stack([nodes, self.predict(nodes)[0]])
+        middles = self.core.tile_middles()
+        return np.column_stack([middles, self.predict(middles)[0]])
 
     def copy(self) -> GmrfMap:
         twin = GmrfMap(self._field, self._evidence)
