@@ -12,7 +12,7 @@ from bench.gmrf.surveys import placed_survey
 from rbpf_svgp_slam.gmrf.gmrf_group import GmrfGroup
 from rbpf_svgp_slam.gmrf.gmrf_config import GmrfConfig
 from rbpf_svgp_slam.gmrf.gmrf_map import GmrfMap
-from rbpf_svgp_slam.metrics.map_metrics import msll, score_held_out
+from rbpf_svgp_slam.metrics.map_metrics import msll, rmse, score_held_out
 
 #: A real seabed, if it is at hand: see the README of the data.
 REAL_SEABED = Path(__file__).parents[3] / "shared" / "data" / "block_b_1m.npz"
@@ -67,7 +67,7 @@ def _score(survey, spacing_m: float) -> dict[str, float]:
     scores = score_held_out(one.predict, one.noise_variance_m2, held_out, beams)
     on_grid = scores.on_grid
     grid_residual = scores.grid_residual_m[on_grid]
-    grid_rmse_m, rmse_m = _rms(grid_residual), _rms(scores.residual_m[on_grid])
+    grid_rmse_m, rmse_m = rmse(grid_residual), rmse(scores.residual_m[on_grid])
     grid_variance = np.full(len(grid_residual), grid_rmse_m**2)  # the best that it could say
     z = held_out[on_grid, 2]
     model = one.field.model
@@ -85,7 +85,3 @@ def _score(survey, spacing_m: float) -> dict[str, float]:
         ),
         "normalised_squared_error": float(np.mean(scores.standardised**2)),
     }
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -55,15 +55,6 @@ void foldInto(const std::vector<Map*>& maps, const LevelledBlock& block, const p
   foldIntoAll(maps, block, placing, weights);
 }
 
-Rows3 placedByFirst(const LevelledBlock& block, const py::bytes& poses) {
-  const std::vector<PlacingPose> placing = toPoses(poses);
-  if (placing.size() < block.pings) {
-    throw std::invalid_argument(std::to_string(placing.size()) + " poses; expected at least " +
-                                std::to_string(block.pings));
-  }
-  return block.placed(placing.data()).transpose();
-}
-
 // Each map at its own points [maps, n, 2]: mean and variance, [maps, n].
 std::pair<py::array_t<float>, py::array_t<float>> predictEach(
     const std::vector<Map*>& maps,
@@ -106,9 +97,7 @@ PYBIND11_MODULE(_gmrf, module) {
       .def_readonly("spacing_m", &Model::spacing_m)
       .def_readonly("lengthscale_m", &Model::lengthscale_m)
       .def_readonly("outputscale_m2", &Model::outputscale_m2)
-      .def_readonly("noise_variance_m2", &Model::noise_variance_m2)
-      .def_property_readonly("kappa", &Model::kappa)
-      .def_property_readonly("precision_scale", &Model::precisionScale);
+      .def_readonly("noise_variance_m2", &Model::noise_variance_m2);
 
   py::class_<FieldModel>(module, "FieldModel")
       .def(py::init<const Model&>())
@@ -142,13 +131,10 @@ PYBIND11_MODULE(_gmrf, module) {
       .def("nodes_with_data",
            [](const Map& map) -> Rows2 { return map.nodesWithData().transpose(); })
       .def("tile_middles", [](const Map& map) -> Rows2 { return map.tileMiddles().transpose(); })
-      .def_property_readonly("spacing_m", &Map::spacing_m)
-      .def_property_readonly("reference_m", &Map::reference_m)
-      .def_property_readonly("tiles", [](const Map& map) { return map.sums().entries().size(); });
+      .def_property_readonly("spacing_m", &Map::spacing_m);
 
   py::class_<LevelledBlock>(module, "LevelledBlock")
-      .def(py::init(&makeBlock), py::arg("beams_m"), py::arg("ping"), py::arg("pings"))
-      .def("placed_by_first", &placedByFirst);
+      .def(py::init(&makeBlock), py::arg("beams_m"), py::arg("ping"), py::arg("pings"));
   module.def("fold_into_all", &foldInto);
   module.def("predict_each", &predictEach);
 

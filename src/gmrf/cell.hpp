@@ -1,15 +1,26 @@
 // Grid cells: where a point lies, and the bilinear weights of the corners around it.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 namespace gmrf {
 
 // Nodes are at whole multiples of the spacing; a cell is called by its lower corner.
 struct NodeIndex {
   std::int32_t i, j;
+};
+
+struct NodeBounds {
+  NodeIndex low, high;  // both within
+
+  void include(const NodeIndex& node) {
+    low = {std::min(low.i, node.i), std::min(low.j, node.j)};
+    high = {std::max(high.i, node.i), std::max(high.j, node.j)};
+  }
 };
 
 // phi of the corners (0, 0), (0, 1), (1, 0), (1, 1).
@@ -23,6 +34,13 @@ struct CellPlace {
   NodeIndex cell;
   double fx, fy;  // [0, 1)
 };
+
+// Of all cells; there must be one.
+inline NodeBounds boundsOf(const std::vector<CellPlace>& places) {
+  NodeBounds bounds{places.front().cell, places.front().cell};
+  for (const CellPlace& place : places) bounds.include(place.cell);
+  return bounds;
+}
 
 // Beyond this many nodes from the origin there is no map: 1e8 of them are 1e5 km at a spacing of
 // 1 m.

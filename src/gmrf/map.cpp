@@ -61,17 +61,8 @@ class Predictor {
   }
 
  private:
-  static std::pair<NodeIndex, NodeIndex> bounds(const std::vector<CellPlace>& places) {
-    NodeIndex low = places.front().cell;
-    NodeIndex high = low;
-    for (const CellPlace& place : places) {
-      low = {std::min(low.i, place.cell.i), std::min(low.j, place.cell.j)};
-      high = {std::max(high.i, place.cell.i), std::max(high.j, place.cell.j)};
-    }
-    return {low, high};
-  }
   static double spread(const std::vector<CellPlace>& places) {
-    const auto [low, high] = bounds(places);
+    const auto [low, high] = boundsOf(places);
     return std::max(1.0 * high.i - low.i, 1.0 * high.j - low.j);
   }
   // A window is not even laid out over points that are far from each other.
@@ -80,7 +71,7 @@ class Predictor {
   void predictHalves(std::vector<std::size_t> points) {
     std::vector<CellPlace> places;
     for (const std::size_t p : points) places.push_back(places_[p]);
-    const auto [low, high] = bounds(places);
+    const auto [low, high] = boundsOf(places);
     const bool along_i = 1.0 * high.i - low.i >= 1.0 * high.j - low.j;
     const double middle = along_i ? 0.5 * (1.0 * low.i + high.i) : 0.5 * (1.0 * low.j + high.j);
     const auto second = std::partition(points.begin(), points.end(), [&](std::size_t p) {

@@ -12,12 +12,7 @@ constexpr int kFar = std::numeric_limits<int>::max();
 }  // namespace
 
 Window::Window(const std::vector<CellPlace>& places, int margin) {
-  NodeIndex low = places.front().cell;
-  NodeIndex high = low;
-  for (const CellPlace& place : places) {
-    low = {std::min(low.i, place.cell.i), std::min(low.j, place.cell.j)};
-    high = {std::max(high.i, place.cell.i), std::max(high.j, place.cell.j)};
-  }
+  const auto [low, high] = boundsOf(places);
   rows_along_i_ = high.i - low.i >= high.j - low.j;
   first_row_ = (rows_along_i_ ? low.i : low.j) - margin;
   const int cells = rows_along_i_ ? high.i - low.i + 1 : high.j - low.j + 1;
@@ -119,13 +114,9 @@ namespace {
 // Calls visit(tile, index) for every tile of which a node may be in the window.
 template <typename Visit>
 void forEachTile(const Window& window, const TiledSums& sums, const Visit& visit) {
-  NodeIndex low = window.node(0);
-  NodeIndex high = low;
-  for (int n = 1; n < window.nodes(); ++n) {
-    const NodeIndex at = window.node(n);
-    low = {std::min(low.i, at.i), std::min(low.j, at.j)};
-    high = {std::max(high.i, at.i), std::max(high.j, at.j)};
-  }
+  NodeBounds bounds{window.node(0), window.node(0)};
+  for (int n = 1; n < window.nodes(); ++n) bounds.include(window.node(n));
+  const auto [low, high] = bounds;
   // The node before a border also belongs to the tile before it.
   const TileIndex first = tileOf({low.i - 1, low.j - 1});
   const TileIndex last = tileOf(high);

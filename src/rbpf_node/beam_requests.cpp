@@ -14,7 +14,7 @@ using rbpf_svgp_slam::GetBeams;
 using rbpf_svgp_slam::GetMinibatches;
 
 constexpr std::uint32_t kLargestMinibatch = 1000000;
-constexpr std::uint32_t kLargestReply = 10000000;  // beams: 120 MB
+constexpr std::uint64_t kLargestReply = 10000000;  // poses at most: 240 MB
 constexpr const char* kNoBeams = "no beams in the log yet";
 
 // Each of these returns what is wrong; an empty string if nothing is.
@@ -38,9 +38,13 @@ std::string problemWith(const GetMinibatches::Request& request, std::size_t part
 
 std::string problemWith(const GetBeams::Request& request, std::size_t particles,
                         std::size_t beams_in_log) {
-  if (request.size == 0 || request.size > kLargestReply) {
-    return "size is " + std::to_string(request.size) + ", expected 1 to " +
-           std::to_string(kLargestReply) + " beams";
+  if (request.size == 0) return "size is 0, expected at least 1 beam";
+  // A beam may be all that there is of its ping: then there are as many poses.
+  const std::uint64_t particles_asked = std::max<std::size_t>(request.particles.size(), 1);
+  if (request.size * particles_asked > kLargestReply) {
+    return "size is " + std::to_string(request.size) + " for each of " +
+           std::to_string(request.particles.size()) + " particles, expected at most " +
+           std::to_string(kLargestReply) + " beams in all";
   }
   if (request.first > beams_in_log) {
     return "first is " + std::to_string(request.first) + ", expected at most " +

@@ -120,7 +120,7 @@ TEST_F(BeamRequests, MapsThatHaveTakenInEverythingAreSentNothing) {
 }
 
 TEST_F(BeamRequests, TheWholeLogMayBeAskedForAtOnce) {
-  const auto response = beams({0, 1, 2, 3}, 0, 10000000);
+  const auto response = beams({0, 1, 2, 3}, 0, 2500000);
   EXPECT_EQ(response.message, "");
   EXPECT_TRUE(placed(response, 3) == logOf(3));
 }
@@ -130,9 +130,11 @@ TEST_F(BeamRequests, AreRefusedWithTheNameTheValueAndWhatWasExpected) {
   const std::string log = std::to_string(n);
   const std::string beyond = std::to_string(n + 1);
   const std::map<std::string, GetBeams::Response> refused = {
-      {"size is 0, expected 1 to 10000000 beams", beams({0}, 0, 0)},
-      {"size is 10000001, expected 1 to 10000000 beams", beams({0, 1}, 0, 10000001)},
-      {"size is 4294967295, expected 1 to 10000000 beams", beams({0}, 0, 4294967295)},
+      {"size is 0, expected at least 1 beam", beams({0}, 0, 0)},
+      {"size is 5000001 for each of 2 particles, expected at most 10000000 beams in all",
+       beams({0, 1}, 0, 5000001)},
+      {"size is 4294967295 for each of 1 particles, expected at most 10000000 beams in all",
+       beams({0}, 0, 4294967295)},
       {"first is " + beyond + ", expected at most " + log + ", the beams in the log",
        beams({0, 3}, n + 1, 10)},
       {"first is 18446744073709551615, expected at most " + log + ", the beams in the log",

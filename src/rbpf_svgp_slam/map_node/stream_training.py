@@ -94,7 +94,7 @@ class StreamTraining(Training):
             answer = read.result() if self._is_here(read, patiently=True) else None
             if answer is None or answer.epoch != epoch:
                 return False
-            self._attempt("studying the first beams", lambda: self._learn(answer.beams))
+            self._attempt("studying the log's beams", lambda: self._learn(answer.beams))
         return self._group.studied
 
     def _learn(self, block: LogBlock) -> bool:
