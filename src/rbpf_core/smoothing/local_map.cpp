@@ -1,0 +1,154 @@
+#include "rbpf_core/smoothing/local_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "gmrf/window.hpp"
+
+namespace rbpf_core::smoothing {
+
+namespace {
+
+// The finest grid, and how many beams there are to a cell of any other.
+constexpr double kFinest_m = 1.0;
+constexpr double kBeamsInCell = 8.0;
+// The field: over what distance depths are alike.
+constexpr double kLengthscale_m = 25.0;
+// A node counts as seen if beams of so much weight, in beams, are around it.
+constexpr double kSeen = 0.4;
+// Smallest deviation that a beam is believed to have about a map, m.
+constexpr double kLeastNoise_m = 0.05;
+// Beams are weighted down that lie further off than so many deviations.
+constexpr double kOutlier = 2.0;
+constexpr int kSolves = 3;
+// Nodes around the beams that the field has in addition.
+constexpr int kMargin = 2;
+// Of a normal distribution: standard deviation over median absolute deviation.
+constexpr double kStdOverMad = 1.4826;
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// From the number of beams in cells of 1 m: the swath has holes and bent edges.
+double spacingFor(const Beams& beams_m) {
+  std::vector<std::pair<int, int>> cells;
+  for (Eigen::Index b = 0; b < beams_m.cols(); ++b) {
+    cells.emplace_back(std::floor(beams_m(0, b)), std::floor(beams_m(1, b)));
+  }
+  std::sort(cells.begin(), cells.end());
+  const auto touched = std::unique(cells.begin(), cells.end()) - cells.begin();
+  const double density = static_cast<double>(beams_m.cols()) / static_cast<double>(touched);
+  if (density > 1.5) return std::max(kFinest_m, std::sqrt(kBeamsInCell / density));
+  // most beams are alone in their cells: the area is not the cells', but that of what surrounds
+  // them
+  const Eigen::Array2f extent =
+      (beams_m.topRows<2>().rowwise().maxCoeff() - beams_m.topRows<2>().rowwise().minCoeff())
+          .array();
+  return std::max(kFinest_m, std::sqrt(kBeamsInCell * static_cast<double>(extent.prod()) /
+                                       static_cast<double>(beams_m.cols())));
+}
+
+}  // namespace
+
+LocalMap::LocalMap(const Beams& beams_m) {
+  if (beams_m.cols() == 0) return;
+  spacing_m_ = spacingFor(beams_m);
+  const auto n = static_cast<std::size_t>(beams_m.cols());
+  std::vector<gmrf::CellPlace> places;
+  std::vector<double> depth_m;
+  for (Eigen::Index b = 0; b < beams_m.cols(); ++b) {
+    places.push_back(gmrf::cellOf(beams_m(0, b), beams_m(1, b), spacing_m_));
+    depth_m.push_back(beams_m(2, b));
+  }
+  const double level_m = median(depth_m);
+  double spread2 = 0.0;
+  for (double& z : depth_m) {
+    z -= level_m;
+    spread2 += z * z / static_cast<double>(n);
+  }
+  const gmrf::Window window(places, kMargin);
+  gmrf::Model model;
+  model.spacing_m = spacing_m_;
+  model.lengthscale_m = std::max(kLengthscale_m, 10.0 * spacing_m_);
+  model.outputscale_m2 = std::max(spread2, 0.1);
+
+  std::vector<double> weights(n, 1.0);
+  noise_std_m_ = kLeastNoise_m;
+  Eigen::VectorXd field;
+  for (int solve = 0; solve < kSolves; ++solve) {
+    gmrf::TiledSums sums;
+    for (std::size_t b = 0; b < n; ++b) sums.add(places[b], depth_m[b], weights[b]);
+    gmrf::EnvelopeMatrix precision = priorPrecision(window, model);
+    field = addData(window, sums, noise_std_m_ * noise_std_m_, &precision).information;
+    precision.factorise();
+    precision.solve(&field);
+    std::vector<double> residual(n);
+    std::vector<double> size(n);
+    for (std::size_t b = 0; b < n; ++b) {
+      const auto [i, j] = places[b].cell;
+      const gmrf::CornerWeights phi = gmrf::cornerWeights(places[b].fx, places[b].fy);
+      const double at =
+          phi[0] * field(window.number({i, j})) + phi[1] * field(window.number({i, j + 1})) +
+          phi[2] * field(window.number({i + 1, j})) + phi[3] * field(window.number({i + 1, j + 1}));
+      residual[b] = depth_m[b] - at;
+      size[b] = std::abs(residual[b]);
+    }
+    noise_std_m_ = std::max(kLeastNoise_m, kStdOverMad * median(size));
+    for (std::size_t b = 0; b < n; ++b) {
+      const double off = residual[b] / (kOutlier * noise_std_m_);
+      weights[b] = 1.0 / (1.0 + off * off);
+    }
+  }
+
+  const auto [low, high] = gmrf::boundsOf(places);
+  first_i_ = low.i;
+  first_j_ = low.j;
+  rows_ = high.i - low.i + 2;
+  columns_ = high.j - low.j + 2;
+  std::vector<double> seen(static_cast<std::size_t>(rows_) * columns_, 0.0);
+  for (const gmrf::CellPlace& place : places) {
+    const gmrf::CornerWeights phi = gmrf::cornerWeights(place.fx, place.fy);
+    const std::size_t at = static_cast<std::size_t>(place.cell.i - first_i_) * columns_ +
+                           static_cast<std::size_t>(place.cell.j - first_j_);
+    seen[at] += phi[0];
+    seen[at + 1] += phi[1];
+    seen[at + columns_] += phi[2];
+    seen[at + columns_ + 1] += phi[3];
+  }
+  z_m_.assign(seen.size(), std::numeric_limits<float>::quiet_NaN());
+  for (int i = 0; i < rows_; ++i) {
+    for (int j = 0; j < columns_; ++j) {
+      const std::size_t at = static_cast<std::size_t>(i) * columns_ + j;
+      if (seen[at] < kSeen) continue;
+      z_m_[at] = static_cast<float>(level_m + field(window.number({first_i_ + i, first_j_ + j})));
+    }
+  }
+}
+
+LocalMap::Look LocalMap::at(float x_m, float y_m) const {
+  const float h = static_cast<float>(spacing_m_);
+  const float u = x_m / h - static_cast<float>(first_i_);
+  const float v = y_m / h - static_cast<float>(first_j_);
+  constexpr Look kUnknown{false, 0.0F, 0.0F, 0.0F};
+  // false for NaN
+  if (!(u >= 0.0F && v >= 0.0F && u < static_cast<float>(rows_ - 1) &&
+        v < static_cast<float>(columns_ - 1))) {
+    return kUnknown;
+  }
+  const int i = static_cast<int>(u);
+  const int j = static_cast<int>(v);
+  const float a = u - static_cast<float>(i);
+  const float b = v - static_cast<float>(j);
+  const float z00 = z(i, j), z01 = z(i, j + 1), z10 = z(i + 1, j), z11 = z(i + 1, j + 1);
+  const float slope_x = ((1.0F - b) * (z10 - z00) + b * (z11 - z01)) / h;
+  const float slope_y = ((1.0F - a) * (z01 - z00) + a * (z11 - z10)) / h;
+  const float near = (1.0F - b) * z00 + b * z01;
+  const float z_m = near + a * h * slope_x;
+  return {!std::isnan(z_m), z_m, slope_x, slope_y};
+}
+
+}  // namespace rbpf_core::smoothing

@@ -1,0 +1,236 @@
+#include "rbpf_core/smoothing/smoother.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "rbpf_core/rigid.hpp"
+
+namespace rbpf_core::smoothing {
+
+namespace {
+
+// Every so many nodes a window is registered; older windows lie at multiples of it too, so that
+// their maps serve more than once.
+constexpr std::size_t kEvery = 2;
+// Nodes that are registered between two solutions of the graph: at least so many, or this share of
+// all.
+constexpr std::size_t kStretch = 15;
+constexpr double kStretchShare = 0.05;
+// Passes overlap enough if their tracks are nearer than this share of both half swaths.
+constexpr double kNear = 0.75;
+// Two nodes near a place belong to different passes if they are further apart than this, s.
+constexpr double kSamePass_s = 16.0;
+// Of a window's beams, one of so many is registered.
+constexpr Eigen::Index kStride = 3;
+// Covariances are computed at so many nodes, and interpolated.
+constexpr std::size_t kCovariances = 600;
+
+}  // namespace
+
+Smoother::Smoother(const SmoothingParams& params, double stamp_s, const Pose2& start)
+    : params_(params), track_(params.registration.node_period_s), graph_(params, stamp_s, start) {
+  track_.addNode(stamp_s, start);
+}
+
+void Smoother::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m) {
+  track_.addPing(stamp_s, dead_reckoning, levelled_m);
+}
+
+void Smoother::addNodes() {
+  const std::vector<TrackNode>& nodes = track_.nodes();
+  for (std::size_t i = graph_.size(); i < nodes.size(); ++i) {
+    graph_.addNode(nodes[i].stamp_s,
+                   relative(nodes[i - 1].dead_reckoning, nodes[i].dead_reckoning));
+  }
+}
+
+void Smoother::update() {
+  addNodes();
+  // A window is complete when the nodes after it are there.
+  std::size_t complete = track_.complete();
+  const double last_s = track_.nodes().back().stamp_s;
+  while (complete > next_ && !track_.isFinished() &&
+         last_s - track_.nodes()[complete - 1].stamp_s < params_.registration.window_s) {
+    --complete;
+  }
+  while (next_ < complete) {
+    const auto share = static_cast<std::size_t>(kStretchShare * static_cast<double>(next_));
+    const std::size_t last = std::min(complete, next_ + std::max(kStretch, share));
+    closeLoops(next_, last);
+    next_ = last;
+  }
+}
+
+void Smoother::registerAgain() {
+  if (accepted_ == 0) return;
+  // What the closures say is still needed to know where to look.
+  const std::vector<Pose2> poses = graph_.poses();
+  const PoseGraph::Covariances covariances(graph_);
+  graph_.clearClosures();
+  maps_.clear();
+  closures_.clear();
+  in_graph_.clear();
+  accepted_ = 0;
+  for (std::size_t j = 0; j < next_; j += kEvery) {
+    registerNode(j, poses, [&]() -> const PoseGraph::Covariances& { return covariances; });
+  }
+  solve();
+}
+
+// ---- closures ----------------------------------------------------------------------------------
+
+void Smoother::closeLoops(std::size_t first, std::size_t last) {
+  const std::vector<Pose2> poses = graph_.poses();
+  std::optional<PoseGraph::Covariances> covariances;
+  const auto covariancesNow = [&]() -> const PoseGraph::Covariances& {
+    return covariances ? *covariances : covariances.emplace(graph_);
+  };
+  for (std::size_t j = (first + kEvery - 1) / kEvery * kEvery; j < last; j += kEvery) {
+    registerNode(j, poses, covariancesNow);
+  }
+  solve();
+}
+
+void Smoother::registerNode(std::size_t j, const std::vector<Pose2>& poses,
+                            const std::function<const PoseGraph::Covariances&()>& covariances) {
+  const std::vector<std::size_t> older = olderPasses(j, poses);
+  if (older.empty()) return;
+  const Track::Range range = track_.around(j, params_.registration.window_s);
+  const WindowOfPings window{gather(track_, range, poses, j, kStride),
+                             LocalMap(gather(track_, range, poses, j))};
+  for (const std::size_t k : older) {
+    Closure closure;
+    closure.k = k;
+    closure.j = j;
+    closure.stamp_older_s = track_.nodes()[k].stamp_s;
+    closure.stamp_s = track_.nodes()[j].stamp_s;
+    closure.expected = relative(poses[k], poses[j]);
+    closure.registration =
+        registerWindow(mapOf(k, poses), window, {closure.expected, covariances().ofRelative(k, j)},
+                       params_.registration);
+    closure.registration.found.covariance += odometryWithinWindows();
+    closure.weight = std::numeric_limits<double>::quiet_NaN();
+    if (closure.registration.verdict == Verdict::kAccepted) {
+      pending_.push_back(closures_.size());
+      ++accepted_;
+    }
+    closures_.push_back(closure);
+  }
+}
+
+void Smoother::solve() {
+  for (const std::size_t closure : pending_) {
+    graph_.addClosure(closures_[closure].k, closures_[closure].j,
+                      closures_[closure].registration.found);
+    in_graph_.push_back(closure);
+  }
+  if (!pending_.empty()) graph_.solve();
+  pending_.clear();
+  for (std::size_t i = 0; i < in_graph_.size(); ++i) {
+    closures_[in_graph_[i]].weight = graph_.weightOfClosure(i);
+  }
+}
+
+// Windows are rigid, though the odometry bends them: of a random walk of variance v per second, the
+// mean over T seconds to either side has the variance v T / 6.
+Eigen::Matrix3d Smoother::odometryWithinWindows() const {
+  const double sixth_s = (params_.registration.window_s + params_.registration.map_window_s) / 6.0;
+  const MotionNoise& motion = params_.motion;
+  return sixth_s * Eigen::Vector3d(std::max(motion.surge_std_m, motion.sway_std_m),
+                                   std::max(motion.surge_std_m, motion.sway_std_m),
+                                   motion.yaw_std_rad)
+                       .cwiseAbs2()
+                       .asDiagonal()
+                       .toDenseMatrix();
+}
+
+// The nearest node of each older pass that comes near, the nearest passes first.
+std::vector<std::size_t> Smoother::olderPasses(std::size_t j,
+                                               const std::vector<Pose2>& poses) const {
+  const std::vector<TrackNode>& nodes = track_.nodes();
+  struct Pass {
+    double distance_m;
+    std::size_t node;
+  };
+  std::vector<Pass> passes;
+  double last_near_s = -std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < j; ++k) {
+    if (nodes[j].stamp_s - nodes[k].stamp_s < params_.registration.min_apart_s) break;
+    const double near_m = kNear * (nodes[j].half_width_m + nodes[k].half_width_m);
+    const double distance_m = std::hypot(poses[j].x_m - poses[k].x_m, poses[j].y_m - poses[k].y_m);
+    if (!(distance_m < near_m)) continue;
+    if (nodes[k].stamp_s - last_near_s > kSamePass_s) {
+      passes.push_back({distance_m, k});
+    } else if (distance_m < passes.back().distance_m) {
+      passes.back() = {distance_m, k};
+    }
+    last_near_s = nodes[k].stamp_s;
+  }
+  std::sort(passes.begin(), passes.end(),
+            [](const Pass& a, const Pass& b) { return a.distance_m < b.distance_m; });
+  std::vector<std::size_t> older;
+  for (const Pass& pass : passes) {
+    if (older.size() == static_cast<std::size_t>(params_.registration.passes)) break;
+    older.push_back(std::max<std::size_t>(1, pass.node / kEvery * kEvery));
+  }
+  return older;
+}
+
+const LocalMap& Smoother::mapOf(std::size_t k, const std::vector<Pose2>& poses) {
+  const auto found = maps_.find(k);
+  if (found != maps_.end()) return found->second;
+  const Track::Range range = track_.around(k, params_.registration.map_window_s);
+  return maps_.emplace(k, LocalMap(gather(track_, range, poses, k))).first->second;
+}
+
+// ---- the track
+// -----------------------------------------------------------------------------------
+
+std::vector<Pose2> Smoother::posesOfPings() const {
+  const std::vector<TrackNode>& nodes = track_.nodes();
+  const std::vector<Pose2> at_nodes = graph_.poses();
+  std::vector<Pose2> poses;
+  for (const PingPlace& ping : track_.pings()) {
+    const std::size_t i = ping.node;
+    Pose2 pose = compose(at_nodes[i], ping.in_node);
+    // From the node before and, more and more, from the node after.
+    if (i + 1 < at_nodes.size()) {
+      const double duration_s = nodes[i + 1].stamp_s - nodes[i].stamp_s;
+      const Pose2 dead_reckoning = compose(nodes[i].dead_reckoning, ping.in_node);
+      const Pose2 from_next =
+          compose(at_nodes[i + 1], relative(nodes[i + 1].dead_reckoning, dead_reckoning));
+      const double share =
+          duration_s > 0.0 ? std::clamp((ping.stamp_s - nodes[i].stamp_s) / duration_s, 0.0, 1.0)
+                           : 0.0;
+      pose = interpolate(pose, from_next, share);
+    }
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+std::vector<Eigen::Matrix3d> Smoother::covariancesOfPings() const {
+  const std::size_t nodes = graph_.size();
+  const PoseGraph::Covariances covariances(graph_);
+  const std::size_t stride = 1 + nodes / kCovariances;
+  std::vector<std::size_t> at;
+  for (std::size_t i = 0; i < nodes; i += stride) at.push_back(i);
+  if (at.back() + 1 < nodes) at.push_back(nodes - 1);
+  std::vector<Eigen::Matrix3d> known;
+  for (const std::size_t i : at) known.push_back(covariances.of(i));
+  std::vector<Eigen::Matrix3d> of_pings;
+  std::size_t a = 0;
+  const auto stamp = [&](std::size_t i) { return track_.nodes()[at[i]].stamp_s; };
+  for (const PingPlace& ping : track_.pings()) {
+    while (a + 2 < at.size() && stamp(a + 1) <= ping.stamp_s) ++a;
+    const std::size_t b = std::min(a + 1, at.size() - 1);
+    const double duration_s = stamp(b) - stamp(a);
+    const double share =
+        duration_s > 0.0 ? std::clamp((ping.stamp_s - stamp(a)) / duration_s, 0.0, 1.0) : 0.0;
+    of_pings.push_back((1.0 - share) * known[a] + share * known[b]);
+  }
+  return of_pings;
+}
+
+}  // namespace rbpf_core::smoothing

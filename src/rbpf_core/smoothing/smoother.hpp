@@ -1,0 +1,92 @@
+// The smoother: the whole track, corrected by what its passes tell about each other.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rbpf_core/smoothing/local_map.hpp"
+#include "rbpf_core/smoothing/pose_graph.hpp"
+#include "rbpf_core/smoothing/registration.hpp"
+#include "rbpf_core/smoothing/track.hpp"
+
+namespace rbpf_core::smoothing {
+
+// One attempt to register a window of pings on the map of an older one.
+struct Closure {
+  // Nodes: of the older window and of the younger one.
+  std::size_t k = 0;
+  std::size_t j = 0;
+  double stamp_older_s = 0.0;
+  double stamp_s = 0.0;
+  // Of node j in the frame of node k; where it was expected, and where it was found.
+  Pose2 expected;
+  Registration registration;
+  // In the graph: 1 counts fully. NaN if refused.
+  double weight = 0.0;
+};
+
+// An absolute position, as of GPS at the surface.
+struct Fix {
+  double stamp_s = 0.0;
+  // Of base_link in map.
+  Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Identity();
+};
+
+// Incremental in work: a window is registered once, its map made once, and the graph starts from
+// its last solution. Used by one thread at a time.
+class Smoother {
+ public:
+  // Throws std::invalid_argument that names a parameter which is out of range.
+  Smoother(const SmoothingParams& params, double stamp_s, const Pose2& start);
+
+  // The survey in its order. Throws std::invalid_argument for a stamp earlier than the last.
+  void addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m);
+  void finishPings() { track_.finish(); }
+
+  // Registers what is complete by now, a stretch at a time, and solves the graph after each.
+  void update();
+  // Once more from the beginning, from the poses that are known now: every window is cut, and laid
+  // on its maps, as they say.
+  void registerAgain();
+
+  const Track& track() const { return track_; }
+  const PoseGraph& graph() const { return graph_; }
+  // In the order of the younger windows.
+  const std::vector<Closure>& closures() const { return closures_; }
+  // Whether any closure has been accepted.
+  bool hasClosures() const { return accepted_ > 0; }
+
+  // Of every ping, in map.
+  std::vector<Pose2> posesOfPings() const;
+  // Of every ping: x, y, yaw in map.
+  std::vector<Eigen::Matrix3d> covariancesOfPings() const;
+
+ private:
+  void addNodes();
+  void closeLoops(std::size_t first, std::size_t last);
+  std::vector<std::size_t> olderPasses(std::size_t j, const std::vector<Pose2>& poses) const;
+  const LocalMap& mapOf(std::size_t k, const std::vector<Pose2>& poses);
+  Eigen::Matrix3d odometryWithinWindows() const;
+  // Registers node j's window on the older passes near it.
+  void registerNode(std::size_t j, const std::vector<Pose2>& poses,
+                    const std::function<const PoseGraph::Covariances&()>& covariances);
+  // With the closures that have been accepted since.
+  void solve();
+
+  const SmoothingParams params_;
+  Track track_;
+  PoseGraph graph_;
+  std::map<std::size_t, LocalMap> maps_;
+  std::vector<Closure> closures_;
+  std::vector<std::size_t> in_graph_;  // closures_ that are, in the order of the graph's
+  std::vector<std::size_t> pending_;   // accepted, not in the graph yet
+  std::size_t accepted_ = 0;
+  // The next node to be registered.
+  std::size_t next_ = 0;
+};
+
+}  // namespace rbpf_core::smoothing
