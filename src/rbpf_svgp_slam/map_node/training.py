@@ -124,6 +124,8 @@ class MinibatchTraining(Training):
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
+        # Such maps need not do more for it than to learn on.
+        self._store.follow_at_once(minibatches.past)
         for particle, beams in zip(self._store.own, minibatches.beams):
             if not self._attempt(
                 f"training step of particle {particle}",

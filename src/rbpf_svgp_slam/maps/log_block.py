@@ -31,6 +31,14 @@ class LogBlock:
         """The same beams with the poses of some of the particles."""
         return replace(self, poses=self.poses[list(rows)])
 
+    def part(self, first: int, last: int) -> LogBlock:
+        """Its beams first .. last - 1, and the poses of their pings."""
+        ends = np.cumsum(self.beams_of_ping)
+        starts = ends - self.beams_of_ping
+        inside = np.clip(ends, first, last) - np.clip(starts, first, last)
+        pings = inside > 0
+        return LogBlock(self.levelled[first:last], inside[pings], self.poses[:, pings])
+
     def placed(self, row: int) -> np.ndarray:
         """The beams [n, 3] (x, y, z), float32 m, where one particle has them."""
         pose = self.poses[row][self.ping_of_beam]

@@ -24,7 +24,8 @@ class MapGroup(ABC):
     teacher: MinibatchMap | None = None
     #: Beams that a training step wants, of the maps' or the teacher's; 0: there are none.
     minibatch_size: int = 0
-    #: Largest sample of beams that a `rebuild` wants; 0: there is none.
+    #: Largest sample of beams that a `rebuild` wants; 0: there is none. Where the histories have
+    #: been corrected, maps are then made again from the log's first beam.
     rebuild_beams: int = 0
     #: How many maps `take_in` may be given at once. Others must wait while it works.
     maps_at_once: int = 1
