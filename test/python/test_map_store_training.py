@@ -61,7 +61,7 @@ def long_rebuild(store, request):
                         time.sleep(0.001)
                 yield beam
 
-    done = store.rebuild(0, 0, 0, Beams(BEAMS), 4)
+    done = store.rebuild(0, 0, Beams(BEAMS), 4)
     asker.join(TIMEOUT_S)
     return done, answers
 

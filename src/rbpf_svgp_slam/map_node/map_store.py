@@ -89,10 +89,8 @@ class MapStore:
 
         return self._advance(particles, epoch, step)
 
-    def rebuild(
-        self, particle: int, epoch: int, past: int, beams: np.ndarray, beams_in_log: int
-    ) -> bool:
-        """One map again, from a sample [n, 3] of the log's beams, placed by that past.
+    def rebuild(self, particle: int, epoch: int, beams: np.ndarray, beams_in_log: int) -> bool:
+        """One map again, from a sample [n, 3] of the log's beams.
 
         That takes long: requests are let in between. A resampling among them ends it, without
         effect.
@@ -103,13 +101,9 @@ class MapStore:
             if not self._phases.allows_training(epoch):
                 raise _EpochChanged
 
-        def step(maps: list[Any]) -> None:
-            skipped_before = maps[0].skipped_steps
-            maps[0].rebuild(beams, beams_in_log, pause)
-            if maps[0].skipped_steps == skipped_before:
-                self._pasts[particle] = past
-
-        return self._advance([particle], epoch, step)
+        return self._advance(
+            [particle], epoch, lambda maps: maps[0].rebuild(beams, beams_in_log, pause)
+        )
 
     def _advance(
         self, particles: Sequence[int] | None, epoch: int, step: Callable[[list[Any]], None]
@@ -136,20 +130,12 @@ class MapStore:
         return True
 
     def behind(self, beams_in_log: int) -> dict[int, int]:
-        """Next beam by particle, of the maps that have not taken in all of the log's beams.
-
-        Not of those that are to be made again.
-        """
-        lagging = set(self.lagging())
-        next_beams = {
-            particle: one.next_beam
-            for particle, one in self._maps.items()
-            if particle not in lagging
-        }
+        """Next beam by particle, of the maps that have not taken in all of the log's beams."""
+        next_beams = {particle: one.next_beam for particle, one in self._maps.items()}
         return {particle: first for particle, first in next_beams.items() if first < beams_in_log}
 
     def outdated(self) -> list[int]:
-        """Particles whose maps are to be rebuilt for what their teacher knows now."""
+        """Particles whose maps are to be rebuilt."""
         return [particle for particle, one in self._maps.items() if one.outdated]
 
     def maps(self) -> dict[int, Any]:

@@ -59,7 +59,6 @@ class StreamTraining(Training):
         self._rebuild_beams = group.rebuild_beams
         # What rebuilding has its share of: the time itself if live, else the work done.
         self._clock = WallClock() if end_turn is None else WorkClock()
-        self._in_turns = end_turn is not None
         # Live, other work goes on while beams are on their way; in turns everything has its order.
         self._reads = Background("beams") if end_turn is None else AtOnce()
         self._block: Future | None = None  # next beams of the log, on their way
@@ -109,27 +108,17 @@ class StreamTraining(Training):
     # Corrections of the histories
 
     def _follow(self, epoch: int, N: int) -> bool:
-        """Maps as the corrected histories have them; false: not yet, as in `_catch_up`.
+        """All maps anew, as the corrected histories have them, while the old ones stay in use.
 
-        Maps that a sample is enough for are rebuilt: live one by one, while training goes on.
+        false: not yet, as in `_catch_up`.
         """
-        lagging = self._store.lagging()
-        if not lagging:
+        past, particles = self._store.newest_past, self._store.own
+        if not self._store.lagging():
             return True
-        if not self._rebuild_beams:
-            return self._fold_again(epoch, self._store.newest_past)
-        if self._in_turns:
-            for particle in lagging:
-                self._rebuild(particle, epoch, self._read_sample(particle, N))
-        return True
-
-    def _fold_again(self, epoch: int, past: int) -> bool:
-        """All maps anew from the log's first beam on, while the old ones stay in use."""
-        particles = self._store.own
-        new = Refolding(self._group, particles)
+        share = min(1.0, self._rebuild_beams / N) if self._rebuild_beams else 1.0
+        new = Refolding(self._group, particles, share)
         blocks = min(REFOLD_BLOCKS, max(1, LARGEST_READ // (len(particles) * BLOCK_BEAMS)))
-        beams_in_log = 1
-        while new.next_beam < beams_in_log:
+        while new.next_beam < N:
             read = self._reads.submit(
                 self._core.read, particles, new.next_beam, blocks * BLOCK_BEAMS
             )
@@ -139,30 +128,27 @@ class StreamTraining(Training):
             self._store.hear_past(answer.past)
             if answer.past != past:  # begin again
                 return False
-            beams_in_log = answer.beams_in_log
-            if not self._fold_block(new, epoch, answer.beams):
+            N = answer.beams_in_log
+            if not self._fold(new, epoch, answer.beams):
                 return False
         return self._attempt(
-            "exchanging the maps", lambda: self._store.exchange(epoch, past, new.maps)
+            "exchanging the maps",
+            lambda: self._store.exchange(epoch, past, new.maps),
+            if_it_fails=False,
         )
 
-    def _fold_block(self, new: Refolding, epoch: int, block: LogBlock) -> bool:
+    def _fold(self, new: Refolding, epoch: int, block: LogBlock) -> bool:
         """As if the beams had come one block after the other; false: they have not been taken in."""
-        for start in range(0, len(block), BLOCK_BEAMS):
-            part = block.part(start, min(start + BLOCK_BEAMS, len(block)))
-            wanted = new.next_beam + len(part)
+        folded_before = new.folded
+        for step in new.steps(block, BLOCK_BEAMS):
             if not self._attempt(
                 "following corrected histories",
-                lambda: self._store.aside(epoch, lambda: new.take_in(part)),
+                lambda: self._store.aside(epoch, step),
+                if_it_fails=False,
             ):
                 return False
-            if new.next_beam != wanted:
-                return False
-            self._clock.spend(new.distinct * len(part) / BLOCK_BEAMS)
+        self._clock.spend((new.folded - folded_before) / BLOCK_BEAMS)
         return True
-
-    def _is_lagging(self, particles: list[int]) -> bool:
-        return bool(set(particles).intersection(self._store.lagging()))
 
     # New beams
 
@@ -212,7 +198,7 @@ class StreamTraining(Training):
         if answer is None or answer.epoch != epoch:
             return False
         self._store.hear_past(answer.past)
-        if answer.past != self._store.newest_past or self._is_lagging(self._asked_for):
+        if answer.past != self._store.newest_past or self._store.lagging():
             return False
         block, at_once = answer.beams, self._group.maps_at_once
         for start in range(0, len(self._asked_for), at_once):
@@ -229,12 +215,9 @@ class StreamTraining(Training):
     # Rebuilding
 
     def _rebuild_one(self, epoch: int, N: int) -> None:
-        """One map anew, if its history was corrected, or if it is outdated and enough has been
-        done since the last."""
+        """One map anew, if it is outdated, and enough has been done since the last."""
         if self._sample is None:
-            outdated = self._store.lagging()  # the core waits for them
-            if not outdated and self._clock.now() >= self._next_rebuild:
-                outdated = self._store.outdated()
+            outdated = self._store.outdated() if self._clock.now() >= self._next_rebuild else []
             if not outdated:
                 return
             # In turn, so that each gets its own.
@@ -243,21 +226,21 @@ class StreamTraining(Training):
         if not self._sample.done():
             return
         future, self._sample = self._sample, None
-        self._rebuild(self._last_rebuilt, epoch, future.result())
-
-    def _rebuild(self, particle: int, epoch: int, sample: Answer[np.ndarray] | None) -> None:
-        """A map from all beams of the log, or from as many as a rebuild wants of them."""
+        sample = future.result()
         if sample is None or sample.epoch != epoch:
             return
         self._store.hear_past(sample.past)
-        if sample.past != self._store.newest_past:
-            return
+        if not self._store.lagging():
+            self._rebuild(self._last_rebuilt, sample)
+
+    def _rebuild(self, particle: int, sample: Answer[np.ndarray]) -> None:
+        """A map from all beams of the log, or from as many as a rebuild wants of them."""
         start = self._clock.now()
         beams = sample.beams
         self._clock.spend(1.0 + len(beams) / BLOCK_BEAMS)
         self._attempt(
             f"rebuilding the map of particle {particle}",
-            lambda: self._store.rebuild(particle, epoch, sample.past, beams, sample.beams_in_log),
+            lambda: self._store.rebuild(particle, sample.epoch, beams, sample.beams_in_log),
         )
         pause = (self._clock.now() - start) * (1.0 / REBUILD_SHARE - 1.0)
         self._next_rebuild = self._clock.now() + pause

@@ -33,11 +33,12 @@ class LogBlock:
 
     def part(self, first: int, last: int) -> LogBlock:
         """Its beams first .. last - 1, and the poses of their pings."""
-        ends = np.cumsum(self.beams_of_ping)
-        starts = ends - self.beams_of_ping
-        inside = np.clip(ends, first, last) - np.clip(starts, first, last)
-        pings = inside > 0
-        return LogBlock(self.levelled[first:last], inside[pings], self.poses[:, pings])
+        return self.beams_at(np.arange(first, last))
+
+    def beams_at(self, numbers: np.ndarray) -> LogBlock:
+        """Some of its beams, numbers [n] rising, and the poses of their pings."""
+        pings, beams_of_ping = np.unique(self.ping_of_beam[numbers], return_counts=True)
+        return LogBlock(self.levelled[numbers], beams_of_ping, self.poses[:, pings])
 
     def placed(self, row: int) -> np.ndarray:
         """The beams [n, 3] (x, y, z), float32 m, where one particle has them."""

@@ -15,8 +15,8 @@ class StreamMap(SeabedMap):
     """A map that takes in every beam of the log once, in the log's order.
 
     What such maps of one node have in common may be learned by their group's *teacher*, a
-    `MinibatchMap`. Once it has learned enough, a map is `outdated` and gets a `rebuild`, as it does
-    when its particle's history has been corrected. Maps without a teacher need neither.
+    `MinibatchMap`. Once it has learned enough, a map is `outdated` and gets a `rebuild`. Maps
+    without a teacher need neither.
     """
 
     @property
@@ -43,3 +43,7 @@ class StreamMap(SeabedMap):
         without effect.
         """
         raise NotImplementedError(f"{type(self).__name__} is never outdated")
+
+    def stand_for(self, beams_in_log: int) -> None:
+        """What has been taken in was a uniform sample of so many of the log's first beams."""
+        raise NotImplementedError(f"{type(self).__name__} is made of all beams")
