@@ -377,3 +377,5 @@ class MapStore:
     def _replace_maps(self, after: dict[int, tuple[Any, int]]) -> None:
         self._maps = {particle: one for particle, (one, _) in after.items()}
         self._pasts = {particle: past for particle, (_, past) in after.items()}
+        # Another node may have heard of a newer one.
+        self._newest_past = max(self._newest_past, *self._pasts.values())
