@@ -33,10 +33,10 @@ class Refolding:
         self._particles = list(particles)
         self._share = share
         self._branches = [Branch(list(range(len(self._particles))), group.create_anew())]
-        self._taken = 0  # beams, by each map
         #: Index in the log of the first beam that nothing is known of.
         self.next_beam = 0
-        #: Beams taken in so far, by all maps together.
+        #: Beams taken in so far, by each map, and by all maps together.
+        self.taken = 0
         self.folded = 0
 
     def steps(self, block: LogBlock, size: int) -> Iterator[Callable[[], None]]:
@@ -49,7 +49,7 @@ class Refolding:
         for start in range(0, len(drawn), size):
             part = drawn.part(start, min(start + size, len(drawn)))
             yield lambda: self._part_ways(part.poses)
-            self._taken += len(part)
+            self.taken += len(part)
             for first in range(0, len(self._branches), self._group.maps_at_once):
                 some = self._branches[first : first + self._group.maps_at_once]
                 yield lambda: self._take_in(some, part)
@@ -59,7 +59,7 @@ class Refolding:
         """A map for each particle; to be called once, at the end."""
         maps = {}
         for branch in self._branches:
-            if self._taken < self.next_beam:
+            if self.taken < self.next_beam:
                 branch.map.stand_for(self.next_beam)
             for row in branch.members:
                 own = branch.map if row == branch.members[0] else branch.map.copy()
@@ -78,7 +78,7 @@ class Refolding:
     def _take_in(self, branches: list[Branch], block: LogBlock) -> None:
         maps = [branch.map for branch in branches]
         self._group.take_in(maps, block.rows([branch.members[0] for branch in branches]))
-        if any(one.next_beam != self._taken for one in maps):
+        if any(one.next_beam != self.taken for one in maps):
             raise ArithmeticError("a map has not taken its beams in")
         self.folded += len(maps) * len(block)
 

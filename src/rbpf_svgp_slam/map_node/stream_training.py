@@ -138,7 +138,7 @@ class StreamTraining(Training):
         )
 
     def _fold(self, new: Refolding, epoch: int, block: LogBlock) -> bool:
-        """As if the beams had come one block after the other; false: they have not been taken in."""
+        """As if the beams had come one block after the other; false: it is of no use any more."""
         folded_before = new.folded
         for step in new.steps(block, BLOCK_BEAMS):
             if not self._attempt(
@@ -194,7 +194,7 @@ class StreamTraining(Training):
         return future.done()
 
     def _take_in(self, answer: Answer[LogBlock] | None, epoch: int) -> bool:
-        """The block into the maps that lack it; false as in `_catch_up`, or it is of another past."""
+        """The block into the maps that lack it; false as in `_catch_up`, or by another past."""
         if answer is None or answer.epoch != epoch:
             return False
         self._store.hear_past(answer.past)
