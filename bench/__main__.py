@@ -32,6 +32,7 @@ SECTIONS = {
     "core.ingest_training": "bench.core.ingest_training",
     "core.weights_and_numbering": "bench.core.weights_and_numbering",
     "core.prompts": "bench.core.prompts",
+    "core.following": "bench.core.following",
     "core.offline": "bench.core.offline",
     "core.scaling": "bench.core.scaling",
     "core.two_hosts": "bench.core.two_hosts",

@@ -12,6 +12,7 @@
 #include "rbpf_core/log_block.hpp"
 #include "rbpf_core/mbes_log.hpp"
 #include "rbpf_core/odometry_use.hpp"
+#include "rbpf_core/past_correction.hpp"
 #include "rbpf_core/refusal.hpp"
 #include "rbpf_core/trajectory_history.hpp"
 
@@ -117,6 +118,11 @@ class FilterSnapshot {
   const RefusalCounts& refused() const { return *refused_; }
   const OdometryUse& odometryUse() const { return odometry_use_; }
 
+  // Corrections of the past that the histories have gone through.
+  std::uint32_t past() const { return past_; }
+  // What is taken off the odometry for the particles' motion.
+  MotionBias bias() const { return bias_; }
+
  private:
   friend class ParticleFilter;
 
@@ -138,6 +144,8 @@ class FilterSnapshot {
   Counters counters_;
   std::shared_ptr<const RefusalCounts> refused_;
   OdometryUse odometry_use_;
+  std::uint32_t past_ = 0;
+  MotionBias bias_;
 };
 
 // Mean and spread of weighted poses; the yaw's mean is taken on the circle.

@@ -1,5 +1,6 @@
 #include "rbpf_core/loop_closing.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <exception>
 #include <utility>
@@ -67,6 +68,11 @@ std::string LoopClosing::whyNotReady() const {
   if (maps.nodes_heard < maps.nodes) {
     return "waiting for map nodes: " + std::to_string(maps.nodes_heard) + " of " +
            std::to_string(maps.nodes) + " have reported";
+  }
+  const auto followed = std::count(maps.pasts.begin(), maps.pasts.end(), filter_.snapshot().past());
+  if (static_cast<std::size_t>(followed) < maps.nodes) {
+    return "maps follow the corrected past: " + std::to_string(followed) + " of " +
+           std::to_string(maps.nodes) + " nodes have";
   }
   if (maps.maps_ready < particles) {
     return "maps are training: " + std::to_string(maps.maps_ready) + " of " +

@@ -15,6 +15,8 @@ struct MapsState {
   std::size_t nodes = 0;
   // Nodes that have reported under the epoch asked for.
   std::size_t nodes_heard = 0;
+  // Of each of those nodes: corrections of the past that all of its maps have followed.
+  std::vector<std::uint32_t> pasts;
   // Maps of those nodes whose training has converged.
   std::size_t maps_ready = 0;
   // Training steps of all nodes since they started.

@@ -120,9 +120,13 @@ StampedParticles ParticleFilter::propagate(const StampedParticles& from, const O
                                      ? motionBetween(from.odometry, odometry)
                                      : motionOfPoses(from.odometry, odometry);
   odometry_use_.add(from.odometry, odometry, source);
+  const MotionIncrement unbiased{motion.duration_s,
+                                 motion.forward_m - bias_.surge_mps * motion.duration_s,
+                                 motion.left_m - bias_.sway_mps * motion.duration_s,
+                                 motion.yaw_rad - bias_.yaw_radps * motion.duration_s};
   StampedParticles to{odometry, advance(from.dead_reckoning, motion), from.poses};
   for (std::size_t j = 0; j < to.poses.size(); ++j) {
-    to.poses[j] = advanceNoisily(from.poses[j], motion, params_.motion, motion_streams_[j]);
+    to.poses[j] = advanceNoisily(from.poses[j], unbiased, params_.motion, motion_streams_[j]);
   }
   return to;
 }
@@ -265,34 +269,88 @@ void ParticleFilter::setLogWeights(const Eigen::ArrayXd& log_weights) {
   published_.log_weights_ = std::move(weights);
 }
 
-void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
-  const std::lock_guard one_at_a_time(resampling_mutex_);
-  const auto resampled = [&](const StampedParticles& before) {
+template <typename Prepare, typename Change, typename Commit>
+void ParticleFilter::replacePast(const Prepare& prepare, const Change& change,
+                                 const Commit& commit) {
+  const auto changed = [&](const StampedParticles& before) {
     StampedParticles after = before;
-    for (std::size_t j = 0; j < ancestors.size(); ++j) after.poses[j] = before.poses[ancestors[j]];
+    change(before.poses, &after.poses);
     return std::make_shared<const StampedParticles>(std::move(after));
   };
-  // Nearly all of the work is done aside, on the state that is there now, while pings are taken in.
   TrajectoryHistories::State state;
   std::deque<StampedParticles::ConstPtr> recent;
+  std::size_t pings = 0;
   {
     const std::lock_guard lock(writer_mutex_);
     state = histories_.state();
     recent = recent_;
+    pings = log_.pings.size();
   }
-  auto prepared = TrajectoryHistories::prepareResampling(ancestors, state);  // checks them
+  auto prepared = prepare(state, pings);
   std::unordered_map<StampedParticles::ConstPtr, StampedParticles::ConstPtr> after;
-  for (const auto& before : recent) after[before] = resampled(*before);
-  auto weights = uniformLogWeights(ancestors.size());
+  for (const auto& before : recent) after[before] = changed(*before);
 
   // What is left is the exchange of pointers, and what has come since.
   WriterLock lock(this);
-  histories_.commitResampling(std::move(prepared));
+  commit(std::move(prepared), &lock);
   for (StampedParticles::ConstPtr& particles : recent_) {
     const auto found = after.find(particles);
-    particles = found != after.end() ? found->second : resampled(*particles);
+    particles = found != after.end() ? found->second : changed(*particles);
   }
-  lock.new_log_weights = std::move(weights);
+}
+
+void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
+  const std::lock_guard one_at_a_time(resampling_mutex_);
+  auto weights = uniformLogWeights(ancestors.size());
+  replacePast(
+      [&](const TrajectoryHistories::State& state, std::size_t) {
+        return TrajectoryHistories::prepareResampling(ancestors, state);  // checks them
+      },
+      [&](const std::vector<Pose2>& before, std::vector<Pose2>* after) {
+        for (std::size_t j = 0; j < ancestors.size(); ++j) (*after)[j] = before[ancestors[j]];
+      },
+      [&](TrajectoryHistories::PreparedResampling prepared, WriterLock* lock) {
+        histories_.commitResampling(std::move(prepared));
+        lock->new_log_weights = std::move(weights);
+      });
+}
+
+// ---- corrections of the past ---------------------------------------------------------------
+
+void ParticleFilter::correctPast(const PastCorrection& correction) {
+  expectFinite(correction);
+  const std::lock_guard one_at_a_time(resampling_mutex_);
+  const RigidMotion of_rest = RigidMotion::of(correction.of_rest);
+  replacePast(
+      [&](const TrajectoryHistories::State& state, std::size_t pings) {
+        return TrajectoryHistories::prepareCorrection(motionsBySlot(correction, pings), of_rest,
+                                                      state);
+      },
+      [&](const std::vector<Pose2>&, std::vector<Pose2>* poses) {
+        for (Pose2& pose : *poses) pose = move(correction.of_rest, pose);
+      },
+      [&](TrajectoryHistories::PreparedCorrection prepared, WriterLock*) {
+        histories_.commitCorrection(std::move(prepared));
+        bias_ = correction.bias;
+        ++past_;
+      });
+}
+
+std::vector<RigidMotion> ParticleFilter::motionsBySlot(const PastCorrection& correction,
+                                                       std::size_t pings) const {
+  const std::vector<Pose2>& of_ping = correction.of_ping;
+  if (of_ping.size() > pings) {
+    throw std::invalid_argument("correction of " + std::to_string(of_ping.size()) +
+                                " pings, expected at most the " + std::to_string(pings) +
+                                " in the log");
+  }
+  // slots rise from ping to ping; those that no ping has may move as they like
+  std::vector<RigidMotion> of_slot;
+  for (std::size_t i = 0; i < of_ping.size(); ++i) {
+    of_slot.resize(log_.pings[i].slot + std::size_t{1});
+    of_slot.back() = RigidMotion::of(of_ping[i]);
+  }
+  return of_slot;
 }
 
 // ---- what is refused -----------------------------------------------------------------------
@@ -323,6 +381,8 @@ void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_l
   published_.counters_ = counters_;
   published_.refused_ = refused_;
   published_.odometry_use_ = odometry_use_;
+  published_.past_ = past_;
+  published_.bias_ = bias_;
 }
 
 FilterSnapshot ParticleFilter::snapshot() const {

@@ -10,6 +10,7 @@
 
 #include "rbpf_core/filter_params.hpp"
 #include "rbpf_core/filter_snapshot.hpp"
+#include "rbpf_core/past_correction.hpp"
 
 namespace rbpf_core {
 
@@ -45,6 +46,11 @@ class ParticleFilter {
   // Particles, their histories and recent poses go on from the ancestors'; weights become uniform.
   // Refused: anything but J ancestors, each below J.
   void resample(const std::vector<std::uint32_t>& ancestors);
+
+  // The past was another than it seemed: histories, recent poses and the particles are moved, and
+  // the particles' motion is freed of the bias from now on. Dead reckoning and odometry stay as
+  // they are. Refused: motions for more pings than the log has, and what is not finite.
+  void correctPast(const PastCorrection& correction);
 
   // The survey is over: pings still waiting are dropped and counted, nothing is held back any
   // longer.
@@ -83,9 +89,20 @@ class ParticleFilter {
   Refusal refuse(InputKind kind, Reason reason, const std::string& what, std::size_t messages = 1);
   void publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_log_weights);
 
+  // What resamplings and corrections have in common; expects resampling_mutex_ alone. Nearly all of
+  // the work is done aside, on the state that is there now, while pings are taken in:
+  //   prepare(state of the histories, pings in the log), returns what is to be committed,
+  //   change(poses of recent particles, the same to be changed),
+  //   commit(what was prepared, writers' lock), when only an exchange of pointers is left.
+  template <typename Prepare, typename Change, typename Commit>
+  void replacePast(const Prepare& prepare, const Change& change, const Commit& commit);
+  // Throws std::invalid_argument if there are motions for more pings.
+  std::vector<RigidMotion> motionsBySlot(const PastCorrection& correction, std::size_t pings) const;
+
   const FilterParams params_;
 
-  std::mutex resampling_mutex_;  // one resampling at a time; taken before the writers'
+  // One resampling or correction at a time; taken before the writers'.
+  std::mutex resampling_mutex_;
 
   std::mutex writer_mutex_;  // guards what follows
   std::vector<RandomStream> motion_streams_;
@@ -96,6 +113,9 @@ class ParticleFilter {
   std::multimap<double, Ping> waiting_;
   SurveyLog log_;
   TrajectoryHistories histories_;
+  // Corrections of the past committed, and what the last one has said of the odometry.
+  std::uint32_t past_ = 0;
+  MotionBias bias_;
   // Pings old enough to be drawn, and the beams of those in the training log.
   std::size_t released_pings_ = 0;
   std::size_t released_beams_ = 0;

@@ -1,7 +1,6 @@
 // What a smoother has found out about the past, for the particles and their histories.
 #pragma once
 
-#include <cmath>
 #include <vector>
 
 #include "rbpf_core/rigid.hpp"
@@ -27,25 +26,10 @@ struct PastCorrection {
   MotionBias bias;
 };
 
+// Throws std::invalid_argument that names what is not finite.
+void expectFinite(const PastCorrection& correction);
+
 inline Pose2 move(const Pose2& rigid, const Pose2& pose) { return compose(rigid, pose); }
-
-// The same for many poses: no trigonometry left.
-struct RigidMotion {
-  double x_m = 0.0, y_m = 0.0;
-  double cos_yaw = 1.0, sin_yaw = 0.0;
-
-  static RigidMotion of(const Pose2& pose) {
-    return {pose.x_m, pose.y_m, std::cos(pose.yaw_rad), std::sin(pose.yaw_rad)};
-  }
-};
-
-inline HistoryPose move(const RigidMotion& rigid, const HistoryPose& pose) {
-  const double c = rigid.cos_yaw;
-  const double s = rigid.sin_yaw;
-  return {rigid.x_m + c * pose.x_m - s * pose.y_m, rigid.y_m + s * pose.x_m + c * pose.y_m,
-          static_cast<float>(c * pose.cos_yaw - s * pose.sin_yaw),
-          static_cast<float>(s * pose.cos_yaw + c * pose.sin_yaw)};
-}
 
 inline HistoryPose move(const Pose2& rigid, const HistoryPose& pose) {
   return move(RigidMotion::of(rigid), pose);

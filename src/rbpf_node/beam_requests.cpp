@@ -60,6 +60,7 @@ void answer(const rbpf_core::ParticleFilter& filter, const GetMinibatches::Reque
   response->message = problemWith(request, filter.params().particles);
   if (!response->message.empty()) return;
   const rbpf_core::FilterSnapshot snapshot = filter.snapshot();
+  response->past = snapshot.past();
   response->beams_in_log = snapshot.beamsReleased();
   if (response->beams_in_log == 0) {
     response->message = kNoBeams;
@@ -76,6 +77,7 @@ void answer(const rbpf_core::ParticleFilter& filter, const GetBeams::Request& re
             GetBeams::Response* response) {
   const rbpf_core::FilterSnapshot snapshot = filter.snapshot();
   const std::size_t beams_in_log = snapshot.beamsReleased();
+  response->past = snapshot.past();
   response->beams_in_log = beams_in_log;
   response->message = problemWith(request, filter.params().particles, beams_in_log);
   if (response->message.empty() && beams_in_log == 0) response->message = kNoBeams;

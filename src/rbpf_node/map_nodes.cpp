@@ -102,6 +102,7 @@ rbpf_core::MapsState MapNodes::state(std::uint32_t epoch) const {
     state.steps += status.steps;
     if (status.epoch != epoch) continue;
     ++state.nodes_heard;
+    state.pasts.push_back(status.past);
     state.maps_ready += static_cast<std::size_t>(
         std::count_if(status.ready.begin(), status.ready.end(), [](auto r) { return r != 0; }));
   }

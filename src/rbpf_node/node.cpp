@@ -125,6 +125,7 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
     status->findings.push_back(finding.name + ": " + finding.text);
   }
   const rbpf_core::OdometryUse& use = filter.odometryUse();
+  status->past = filter.past();
   status->velocity_source = use.source() == rbpf_core::MotionSource::kTwist ? "twist" : "pose";
   status->odometry_gaps = use.gaps();
   status->ping_age_p99_s = intake.ping_age_p99_s;

@@ -20,12 +20,17 @@ class FakeMaps : public Maps {
       : error_m(Eigen::ArrayXd::Zero(static_cast<Eigen::Index>(particles))),
         ready(particles),
         epoch_of(nodes, 0),
+        past_of(nodes, 0),
         node_of_(shareParticles(particles, nodes)) {}
 
   MapsState state(std::uint32_t epoch) const override {
     MapsState state;
     state.nodes = epoch_of.size();
-    for (const std::uint32_t node_epoch : epoch_of) state.nodes_heard += node_epoch == epoch;
+    for (std::size_t k = 0; k < epoch_of.size(); ++k) {
+      if (epoch_of[k] != epoch) continue;
+      ++state.nodes_heard;
+      state.pasts.push_back(past_of[k]);
+    }
     state.maps_ready = ready;
     return state;
   }
@@ -69,6 +74,7 @@ class FakeMaps : public Maps {
   std::function<void()> on_prepare, on_commit, on_abort;
   std::size_t ready;                    // maps that report to be ready
   std::vector<std::uint32_t> epoch_of;  // [B], that each node reports
+  std::vector<std::uint32_t> past_of;   // [B], the same
 
   // What they have been asked.
   std::vector<std::string> calls;

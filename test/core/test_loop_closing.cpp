@@ -97,6 +97,18 @@ TEST_F(LoopClosingTest, WaitsForEveryMapToBeReady) {
   EXPECT_EQ(closing.step().outcome, StepOutcome::kPrompted);
 }
 
+TEST_F(LoopClosingTest, WaitsForEveryNodesMapsToFollowACorrectedPast) {
+  filter.correctPast({});
+  filter.correctPast({});
+  maps.past_of = {2, 1};
+  EXPECT_EQ(closing.step().outcome, StepOutcome::kNotReady);
+  EXPECT_TRUE(maps.calls.empty());
+  EXPECT_EQ(closing.statistics().message, "maps follow the corrected past: 1 of 2 nodes have");
+  maps.past_of = {2, 2};
+  sailOn();
+  EXPECT_EQ(closing.step().outcome, StepOutcome::kPrompted);
+}
+
 // ---- weights -----------------------------------------------------------------------------------
 
 TEST_F(LoopClosingTest, WeighsTheParticlesByWhatTheirMapsPredict) {

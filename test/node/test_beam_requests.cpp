@@ -125,6 +125,18 @@ TEST_F(BeamRequests, TheWholeLogMayBeAskedForAtOnce) {
   EXPECT_TRUE(placed(response, 3) == logOf(3));
 }
 
+TEST_F(BeamRequests, TellThePastThatTheBeamsArePlacedBy) {
+  const Beams before = logOf(1);
+  const auto first = beams({1}, 0, 10);
+  EXPECT_EQ(first.past, 0U);
+  EXPECT_EQ(minibatchesOf(filter_, {1}, 10).past, 0U);
+  filter_.correctPast({{}, {10.0, 0.0, 0.0}, {}});
+  const auto second = beams({1}, 0, 10);
+  EXPECT_EQ(second.past, 1U);
+  EXPECT_EQ(minibatchesOf(filter_, {}, 1).past, 1U);  // also where no beams are wanted
+  EXPECT_NEAR(placed(second, 0)[3].x_m, placed(first, 0)[3].x_m + 10.0F, 1e-5F);  // float32
+}
+
 TEST_F(BeamRequests, AreRefusedWithTheNameTheValueAndWhatWasExpected) {
   const std::size_t n = filter_.snapshot().beamsReleased();
   const std::string log = std::to_string(n);

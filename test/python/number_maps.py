@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.map_node.map_store import MapStore, SentMap
 from rbpf_svgp_slam.maps import MapGroup
 
 TIMEOUT_S = 5.0  # for what is expected to happen: reached only by a bug
@@ -103,13 +103,11 @@ def fetch_from(stores, timeout_s=TIMEOUT_S):
     """What the services do between nodes."""
 
     def fetch(epoch, wanted):
-        return {
-            particle: data
-            for owner, particles in wanted.items()
-            for particle, data in zip(
-                particles, stores[owner].serialise(epoch, particles, timeout_s)
-            )
-        }
+        sent = {}
+        for owner, particles in wanted.items():
+            maps, pasts = stores[owner].hand_over(epoch, particles, timeout_s, None)
+            sent.update(zip(particles, map(SentMap, maps, pasts)))
+        return sent
 
     return fetch
 

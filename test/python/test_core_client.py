@@ -30,7 +30,7 @@ class Core:
         beams = np.empty((len(particles), SIZE, 3), dtype=np.float32)
         beams[:] = self.given + np.arange(len(particles))[:, None, None]
         self.given += len(particles)
-        return Minibatches(0, 0, False, 1000, beams)
+        return Minibatches(0, 0, False, 0, 1000, beams)
 
     def rounds(self):
         """Per question so far."""

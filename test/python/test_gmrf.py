@@ -10,7 +10,7 @@ from rbpf_svgp_slam import _gmrf
 from rbpf_svgp_slam.gmrf.gmrf_config import GmrfConfig
 from rbpf_svgp_slam.gmrf.gmrf_group import GmrfGroup
 from rbpf_svgp_slam.gmrf.study import Study
-from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.map_node.map_store import MapStore, SentMap
 from rbpf_svgp_slam.maps import group_class, load_map
 from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
 from rbpf_svgp_slam.parameters.rules import ParameterError
@@ -361,9 +361,9 @@ def exchanging(stores, sizes):
             known = stores[index].known_pieces()
             fetched = {}
             for owner, particles in wanted.items():
-                data = stores[owner].serialise(epoch, particles, TIMEOUT_S, known)
-                fetched.update(zip(particles, data))
-            sizes.append(sum(map(len, fetched.values())))
+                maps, pasts = stores[owner].hand_over(epoch, particles, TIMEOUT_S, known)
+                fetched.update(zip(particles, map(SentMap, maps, pasts)))
+            sizes.append(sum(len(one.data) for one in fetched.values()))
             return fetched
 
         return fetch

@@ -9,7 +9,7 @@ import pytest
 from number_maps import BEAMS, SHORT_S, TIMEOUT_S, fetch_from, make_stores, map_bytes, no_fetch
 from number_maps import prepare_all
 
-from rbpf_svgp_slam.map_node.map_store import Fetched
+from rbpf_svgp_slam.map_node.map_store import Fetched, SentMap
 from rbpf_svgp_slam.protocol.payload import BadRequest
 
 
@@ -120,7 +120,7 @@ def test_abort_during_preparation_wins():
 
     def fetch(epoch, wanted):
         store.abort(1)
-        return {1: struct.pack("<dQ", 0.0, 0)}
+        return {1: SentMap(struct.pack("<dQ", 0.0, 0), 0)}
 
     with pytest.raises(BadRequest, match="ended while its maps were being fetched"):
         store.prepare(1, [1, 1], fetch, TIMEOUT_S)

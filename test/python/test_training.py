@@ -29,7 +29,7 @@ class Core:
         xy = rng.uniform(-15.0, 15.0, (20000, 2))
         z = np.sin(xy[:, 0] / 4.0) - 30.0 + 0.1 * rng.standard_normal(20000)
         self.log = np.column_stack([xy, z]).astype(np.float32)
-        self.N, self.epoch, self.rng = 0, 0, rng
+        self.N, self.epoch, self.past, self.rng = 0, 0, 0, rng
         self.samples, self.reads, self.gone = [], [], False
 
     def placed(self, particle, indices):
@@ -39,7 +39,7 @@ class Core:
     def take(self, timeout_s):
         self.asked = list(self.particles())
         beams = [self.placed(j, self.rng.integers(0, self.N, self.size)) for j in self.asked]
-        return Minibatches(self.epoch, self.epoch, False, self.N, np.array(beams))
+        return Minibatches(self.epoch, self.epoch, False, self.past, self.N, np.array(beams))
 
     def refresh(self):
         pass
@@ -52,12 +52,12 @@ class Core:
         beams = self.log[first : min(first + size, self.N)]
         poses = np.zeros((len(particles), 1), POSE)
         poses["x"][:, 0], poses["cos"] = [0.01 * j for j in particles], 1.0
-        return Answer(self.epoch, self.N, LogBlock(beams, np.array([len(beams)]), poses))
+        return Answer(self.epoch, self.past, self.N, LogBlock(beams, np.array([len(beams)]), poses))
 
     def sample(self, particle, size):
         self.samples.append(size)
         beams = self.placed(particle, self.rng.integers(0, self.N, size))
-        return Answer(self.epoch, self.N, beams)
+        return Answer(self.epoch, self.past, self.N, beams)
 
 
 @pytest.fixture

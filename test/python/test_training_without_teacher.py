@@ -62,23 +62,24 @@ class Core:
     """A log of N beams, whose k-th has z = k; in place of the feed and of the reader."""
 
     def __init__(self):
-        self.N, self.read_sizes, self.samples = 0, [], []
+        self.N, self.past, self.read_sizes, self.samples = 0, 0, [], []
         self.go_on = threading.Event()
         self.go_on.set()
 
     def take(self, timeout_s):
-        return Minibatches(0, 0, False, self.N, np.empty((0, 1, 3)))
+        return Minibatches(0, 0, False, self.past, self.N, np.empty((0, 1, 3)))
 
     def read(self, particles, first, size):
         assert self.go_on.wait(SOON_S)
         self.read_sizes.append(size)
         z = np.arange(first, min(first + size, self.N))
         poses = np.zeros((len(particles), 1), POSE)
-        return Answer(0, self.N, LogBlock(np.outer(z, [0.0, 0.0, 1.0]), np.array([len(z)]), poses))
+        levelled = np.outer(z, [0.0, 0.0, 1.0])
+        return Answer(0, self.past, self.N, LogBlock(levelled, np.array([len(z)]), poses))
 
     def sample(self, particle, size):
         self.samples.append((particle, size))
-        return Answer(0, self.N, np.zeros((size, 3)))
+        return Answer(0, self.past, self.N, np.zeros((size, 3)))
 
 
 @pytest.fixture

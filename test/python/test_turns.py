@@ -33,7 +33,7 @@ class Replay:
             self.fails -= 1
             raise OSError("the connection is lost")
         self.asked.append(particles)
-        return Minibatches(0, 0, False, 100, np.zeros((len(particles), SIZE, 3)))
+        return Minibatches(0, 0, False, 0, 100, np.zeros((len(particles), SIZE, 3)))
 
 
 @pytest.fixture

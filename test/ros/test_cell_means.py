@@ -33,6 +33,7 @@ class FakeCore:
         z = np.sin(xy[:, 0] / 8) - 20.0
         self.log = np.column_stack([xy, z]).astype(np.float32)
         self.N, self.epoch, self.resampling = 0, 0, False
+        self.past = 0  # each correction turns every history by a right angle
         self.minibatches_asked, self.questions = 0, 0
         self.sent = np.zeros(PARTICLES, dtype=int)  # beams that each particle has been sent
         self.services = [
@@ -45,7 +46,7 @@ class FakeCore:
 
     def block(self, particles, first, count):
         poses = np.zeros((len(particles), 1), POSE)
-        turns = np.array(particles)[:, None] % 4
+        turns = (np.array(particles)[:, None] + self.past) % 4
         poses["cos"], poses["sin"] = np.choose(turns, [1, 0, -1, 0]), np.choose(
             turns, [0, 1, 0, -1]
         )
@@ -57,7 +58,11 @@ class FakeCore:
         if self.N == 0:
             return srv.GetMinibatchesResponse(success=False, message="no beams in the log yet")
         return srv.GetMinibatchesResponse(
-            success=True, epoch=self.epoch, resampling=self.resampling, beams_in_log=self.N
+            success=True,
+            epoch=self.epoch,
+            resampling=self.resampling,
+            past=self.past,
+            beams_in_log=self.N,
         )
 
     def get_beams(self, request):
@@ -68,6 +73,7 @@ class FakeCore:
             success=True,
             epoch=self.epoch,
             resampling=self.resampling,
+            past=self.past,
             beams_in_log=self.N,
             beams=pack(block.levelled),
             beams_of_ping=block.beams_of_ping,
@@ -115,6 +121,7 @@ class CellMeansTest(unittest.TestCase):
         self.every_beam_was_taken_in_once()
         self.predictions_are_of_each_particles_own_map()
         self.maps_follow_their_particles_to_the_other_node()
+        self.maps_follow_corrected_histories()
         self.the_state_is_told()
         self.a_map_is_published()
 
@@ -169,13 +176,34 @@ class CellMeansTest(unittest.TestCase):
             np.testing.assert_array_equal(one.count, expected.count)
             np.testing.assert_allclose(one.sum, expected.sum, rtol=1e-9)  # summed in blocks
 
+    def maps_follow_corrected_histories(self):
+        before = self.maps()
+        self.core.past = 1
+        wait_until(
+            lambda: all(status.past == 1 for status in self.statuses()), "maps of the new past"
+        )
+        for j, one in self.maps().items():
+            expected = before[j].copy()
+            expected.count, expected.sum = np.zeros((2, *expected.count.shape))
+            expected.take_in(self.core.placed(j, 0, BEAMS))
+            np.testing.assert_array_equal(one.count, expected.count)
+            np.testing.assert_allclose(one.sum, expected.sum, rtol=1e-9)  # summed in blocks
+            self.assertEqual(one.next_beam, BEAMS)
+            self.assertGreater(one.iterations, before[j].iterations)
+
+    def statuses(self):
+        return [
+            rospy.wait_for_message(f"svgp_node_{k}/status", MapStatus, PATIENCE_S)
+            for k in range(NODES)
+        ]
+
     def the_state_is_told(self):
-        for k in range(NODES):
-            status = rospy.wait_for_message(f"svgp_node_{k}/status", MapStatus, PATIENCE_S)
+        for k, status in enumerate(self.statuses()):
             self.assertEqual(list(status.particles), list(OWN[k]))
             self.assertTrue(all(status.ready))
             self.assertTrue(np.isfinite(status.objective).all())
             self.assertEqual((status.epoch, status.skipped_steps), (self.core.epoch, 0))
+            self.assertEqual(status.past, self.core.past)
 
     def a_map_is_published(self):
         status = rospy.Publisher(names.FILTER_STATUS, FilterStatus, queue_size=1, latch=True)

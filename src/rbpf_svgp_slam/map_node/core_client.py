@@ -46,6 +46,7 @@ class Minibatches:
     asked_epoch: int  # the node's own when it asked
     epoch: int  # the core's when it placed the beams
     resampling: bool  # a resampling is under way at the core
+    past: int  # corrections of the histories that placed them
     beams_in_log: int  # N
     beams: np.ndarray  # [P, M, 3] m, x and y relative to the survey origin
 
@@ -107,6 +108,7 @@ class MinibatchClient:
             asked_epoch=asked_epoch,
             epoch=response.epoch,
             resampling=response.resampling,
+            past=response.past,
             beams_in_log=response.beams_in_log,
             beams=unpack("beams", response.beams, shape),
         )
@@ -265,6 +267,7 @@ class Answer(Generic[Content]):
     """Beams from the core."""
 
     epoch: int  # the core's when it placed them
+    past: int  # corrections of the histories that placed them
     beams_in_log: int  # N
     beams: Content
 
@@ -313,7 +316,7 @@ class BeamReader:
             rospy.logwarn_throttle(WARNING_PERIOD_S, "%s refused: %s", name, response.message)
             return None
         try:
-            return Answer(response.epoch, response.beams_in_log, content(response))
+            return Answer(response.epoch, response.past, response.beams_in_log, content(response))
         except BadRequest as error:
             rospy.logerr_throttle(WARNING_PERIOD_S, "answer of %s: %s", name, error)
             return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Callable, ContextManager, Sequence
+from typing import Any, Callable, ContextManager, NamedTuple, Sequence
 
 import numpy as np
 
@@ -14,8 +14,16 @@ from rbpf_svgp_slam.maps.log_block import LogBlock
 from rbpf_svgp_slam.protocol.payload import BadRequest
 from rbpf_svgp_slam.protocol.shares import share
 
-# (epoch, owner -> particles) to particle -> bytes of its map.
-Fetch = Callable[[int, "dict[int, list[int]]"], "dict[int, bytes]"]
+
+class SentMap(NamedTuple):
+    """A map from another node."""
+
+    data: bytes
+    past: int  # corrections of the histories that it has followed
+
+
+# (epoch, owner -> particles) to particle -> its map.
+Fetch = Callable[[int, "dict[int, list[int]]"], "dict[int, SentMap]"]
 
 
 @dataclass
@@ -33,6 +41,9 @@ class _EpochChanged(Exception):
 class MapStore:
     """Maps by particle. Training steps and requests may come from different threads.
 
+    A map's *past* is how many corrections of its particle's history it has followed: its beams lie
+    where that history, so often corrected, has them.
+
     Two locks, always taken in this order: `_lock` keeps the maps from being used by two threads at
     once and is held for one step or one request; that of the resampling's phases is held for
     moments only. Neither is held while maps are fetched: the peers fetch from here at that time.
@@ -47,6 +58,8 @@ class MapStore:
         self._particles = particles
         self._group = group
         self._maps: dict[int, Any] = {particle: group.create() for particle in self.own}
+        self._pasts: dict[int, int] = dict.fromkeys(self.own, 0)
+        self._newest_past = 0
         self._lock = StepLock()
         self._phases = ResamplingPhases(take_over=self._replace_maps)
 
@@ -138,6 +151,55 @@ class MapStore:
         """To be held while a map or a copy is used: all of them may share work space."""
         return self._lock.step()
 
+    # Corrections of the histories
+
+    @property
+    def newest_past(self) -> int:
+        """The core's, as far as it is known here."""
+        return self._newest_past
+
+    @property
+    def past(self) -> int:
+        """That all maps have followed."""
+        return min((self._pasts[particle] for particle in self.lagging()), default=self.newest_past)
+
+    def lagging(self) -> list[int]:
+        """Particles whose maps have not followed the newest past."""
+        return [particle for particle, past in self._pasts.items() if past != self._newest_past]
+
+    def hear_past(self, past: int) -> None:
+        """A past of the core; maps without a beam have followed it at once."""
+        if past <= self._newest_past and not self.lagging():
+            return
+        with self.exclusive():
+            self._newest_past = max(past, self._newest_past)
+            for particle, one in self._maps.items():
+                if one.next_beam == 0:
+                    self._pasts[particle] = self._newest_past
+
+    def follow_at_once(self, past: int) -> None:
+        """A past of the core, for maps that forget what they have learned."""
+        if past <= self._newest_past and not self.lagging():
+            return
+        with self.exclusive():
+            self._newest_past = max(past, self._newest_past)
+            self._pasts = dict.fromkeys(self.own, self._newest_past)
+
+    def aside(self, epoch: int, step: Callable[[], None]) -> bool:
+        """A step on maps that are not in use yet, between two requests; false as for training."""
+        return self._advance([], epoch, lambda maps: step())
+
+    def exchange(self, epoch: int, past: int, make: Callable[[], dict[int, Any]]) -> bool:
+        """All maps for those that are made, which have followed that past; false as above."""
+
+        def exchange() -> None:
+            maps = make()
+            for particle, one in maps.items():
+                one.iterations += self._maps[particle].iterations
+            self._maps, self._pasts = maps, dict.fromkeys(maps, past)
+
+        return self.aside(epoch, exchange)
+
     # Requests
 
     def predict(
@@ -186,6 +248,16 @@ class MapStore:
                 return [one.to_bytes() for one in maps]
             return self._group.serialise(maps, known)
 
+    def hand_over(
+        self, epoch: int, particles: Sequence[int], timeout_s: float, known: bytes
+    ) -> tuple[list[bytes], list[int]]:
+        """Maps as of `serialise` and their pasts, for another node."""
+        self._check_owned(particles)
+        # Read before the maps: what is older than they are is followed once more, which does no
+        # harm.
+        pasts = [self._pasts[particle] for particle in particles]
+        return self.serialise(epoch, particles, timeout_s, known), pasts
+
     def known_pieces(self) -> bytes:
         """What the other nodes need not send: see `serialise`."""
         with self._lock.request():
@@ -227,11 +299,11 @@ class MapStore:
             self._check_plan(ancestors)
             attempt = self._phases.freeze(epoch)
         try:
-            maps, fetched = self._maps_after(epoch, ancestors, fetch)
+            after, fetched = self._maps_after(epoch, ancestors, fetch)
         except Exception:
             self._phases.fail_preparation(attempt)
             raise
-        self._phases.finish_preparation(attempt, maps, timeout_s)
+        self._phases.finish_preparation(attempt, after, timeout_s)
         return fetched
 
     def commit(self, epoch: int) -> None:
@@ -254,9 +326,10 @@ class MapStore:
             return self._phases.settle(core_epoch, core_resampling)
 
     def adopt(self, epoch: int) -> None:
-        """Take over the core's epoch, keeping the maps."""
+        """Take over the core's epoch, keeping the maps. It may be another core."""
         with self._lock.request():
             self._phases.adopt(epoch)
+            self._newest_past = 0
 
     def _check_plan(self, ancestors: Sequence[int]) -> None:
         if len(ancestors) != self._particles:
@@ -270,7 +343,10 @@ class MapStore:
     def _maps_after(
         self, epoch: int, ancestors: Sequence[int], fetch: Fetch
     ) -> tuple[dict[int, Any], Fetched]:
-        """The maps after the resampling; nobody trains meanwhile. A survivor stays where it is."""
+        """Map and past by particle after the resampling; nobody trains meanwhile.
+
+        A survivor stays where it is.
+        """
         inherited = {ancestors[j] for j in self.own if ancestors[j] != j}
         wanted = {
             owner: sorted(inherited.intersection(particles))
@@ -278,18 +354,19 @@ class MapStore:
             if particles != self.own and inherited.intersection(particles)
         }
         data = fetch(epoch, wanted) if wanted else {}
-        fetched = Fetched(maps=len(data), bytes=sum(map(len, data.values())))
+        fetched = Fetched(maps=len(data), bytes=sum(len(one.data) for one in data.values()))
         # One map at a time, so that predictions need not wait for all of them.
         ancestral = {}
         for owner in sorted(wanted):
             for ancestor in wanted[owner]:  # in the order in which they have been serialised
                 with self._lock.request():
-                    ancestral[ancestor] = self._group.load(data[ancestor])
-        maps = {}
+                    ancestral[ancestor] = self._group.load(data[ancestor].data)
+        pasts = {**{particle: one.past for particle, one in data.items()}, **self._pasts}
+        after = {}
         for j in self.own:
             with self._lock.request():
-                maps[j] = self._inherit(j, ancestors[j], ancestral)
-        return maps, fetched
+                after[j] = self._inherit(j, ancestors[j], ancestral), pasts[ancestors[j]]
+        return after, fetched
 
     def _inherit(self, particle: int, ancestor: int, ancestral: dict[int, Any]) -> Any:
         """ancestral: maps that have come from other nodes."""
@@ -297,5 +374,8 @@ class MapStore:
             return self._maps[particle]
         return (self._maps if ancestor in self.own else ancestral)[ancestor].copy()
 
-    def _replace_maps(self, maps: dict[int, Any]) -> None:
-        self._maps = maps
+    def _replace_maps(self, after: dict[int, tuple[Any, int]]) -> None:
+        self._maps = {particle: one for particle, (one, _) in after.items()}
+        self._pasts = {particle: past for particle, (_, past) in after.items()}
+        # Another node may have heard of a newer one.
+        self._newest_past = max(self._newest_past, *self._pasts.values())

@@ -106,6 +106,7 @@ class MapNode:
         status = MapStatus(
             node=self._index,
             epoch=self._store.epoch,
+            past=self._store.past,
             particles=list(self._store.own),
             iterations=[one.iterations for one in maps],
             ready=[one.ready for one in maps],
@@ -146,10 +147,12 @@ class MapNode:
 
     @answers_bad_requests(srv.FetchMapsResponse)
     def _fetch_maps(self, request: srv.FetchMapsRequest) -> srv.FetchMapsResponse:
-        maps = self._store.serialise(
+        maps, pasts = self._store.hand_over(
             request.epoch, request.particles, FREEZE_SHARE * self._timeout_s, request.known
         )
-        return srv.FetchMapsResponse(success=True, engine=self._engine, **_joined(maps))
+        return srv.FetchMapsResponse(
+            success=True, engine=self._engine, pasts=pasts, **_joined(maps)
+        )
 
     @answers_bad_requests(srv.PrepareResamplingResponse)
     def _prepare(self, request: srv.PrepareResamplingRequest) -> srv.PrepareResamplingResponse:

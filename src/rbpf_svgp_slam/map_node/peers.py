@@ -9,6 +9,7 @@ from typing import Callable
 
 import rospy
 
+from rbpf_svgp_slam.map_node.map_store import SentMap
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.payload import BadRequest, split
 from rbpf_svgp_slam.srv import FetchMaps, FetchMapsResponse
@@ -23,7 +24,7 @@ class Peers:
         self._known_pieces = known_pieces
         self._timeout_s = timeout_s
 
-    def fetch(self, epoch: int, wanted: dict[int, list[int]]) -> dict[int, bytes]:
+    def fetch(self, epoch: int, wanted: dict[int, list[int]]) -> dict[int, SentMap]:
         """Maps by particle, as they are when their owners have stopped training for the epoch.
 
         wanted: particles by owner. All owners are asked at the same time, each once.
@@ -40,7 +41,7 @@ class Peers:
                 args=(owner, lambda o=owner, p=particles: proxies[o](epoch, p, known), answers),
                 daemon=True,
             ).start()
-        maps: dict[int, bytes] = {}
+        maps: dict[int, SentMap] = {}
         missing = set(wanted)
         try:
             while missing:
@@ -59,7 +60,7 @@ class Peers:
 
     def _maps(
         self, owner: int, particles: list[int], answer: FetchMapsResponse | Exception
-    ) -> dict[int, bytes]:
+    ) -> dict[int, SentMap]:
         service = names.fetch_maps(owner)
         if isinstance(answer, Exception):
             raise BadRequest(f"{service} failed: {answer}") from answer
@@ -70,9 +71,11 @@ class Peers:
                 f"maps from {service} are of engine {answer.engine}; "
                 f"expected {self._engine}, map/engine of this node"
             )
-        if len(answer.sizes) != len(particles):
-            raise BadRequest(f"{service} sent {len(answer.sizes)} maps; expected {len(particles)}")
-        return dict(zip(particles, split("maps", answer.maps, list(answer.sizes))))
+        for name, sent in (("maps", answer.sizes), ("pasts", answer.pasts)):
+            if len(sent) != len(particles):
+                raise BadRequest(f"{service} sent {len(sent)} {name}; expected {len(particles)}")
+        data = split("maps", answer.maps, list(answer.sizes))
+        return dict(zip(particles, map(SentMap, data, answer.pasts)))
 
 
 def _ask(

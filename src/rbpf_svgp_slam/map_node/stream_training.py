@@ -20,6 +20,7 @@ from rbpf_svgp_slam.map_node.core_client import (
     Minibatches,
 )
 from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.map_node.refolding import Refolding
 from rbpf_svgp_slam.map_node.training import IDLE_S, Training
 from rbpf_svgp_slam.map_node.turns import EndTurn, TurnFeed, WallClock, WorkClock
 from rbpf_svgp_slam.maps import MapGroup
@@ -27,6 +28,8 @@ from rbpf_svgp_slam.maps.log_block import LogBlock
 
 # Beams of each map that are asked for at once.
 BLOCK_BEAMS = 1024
+# Blocks that are asked for at once where maps are made again; and beams of all particles together.
+REFOLD_BLOCKS, LARGEST_READ = 20, 10_000_000
 # Live, time between two questions for new beams: a block costs more, per beam, the shorter it is.
 READ_PERIOD_S = 0.5
 # Largest share of the time that is spent on rebuilding maps.
@@ -71,7 +74,8 @@ class StreamTraining(Training):
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
-        if not self._study(epoch, N) or not self._catch_up(epoch, N):
+        self._store.hear_past(minibatches.past)
+        if not self._study(epoch, N) or not self._follow(epoch, N) or not self._catch_up(epoch, N):
             return
         if not self._has_teacher:
             self._rebuild_one(epoch, N)
@@ -99,6 +103,51 @@ class StreamTraining(Training):
 
     def _learn(self, block: LogBlock) -> bool:
         self._group.study(block.placed(0))
+        return True
+
+    # Corrections of the histories
+
+    def _follow(self, epoch: int, N: int) -> bool:
+        """All maps anew, as the corrected histories have them, while the old ones stay in use.
+
+        false: not yet, as in `_catch_up`.
+        """
+        past, particles = self._store.newest_past, self._store.own
+        if not self._store.lagging():
+            return True
+        share = min(1.0, self._rebuild_beams / N) if self._rebuild_beams else 1.0
+        new = Refolding(self._group, particles, share)
+        blocks = min(REFOLD_BLOCKS, max(1, LARGEST_READ // (len(particles) * BLOCK_BEAMS)))
+        while new.next_beam < N:
+            read = self._reads.submit(
+                self._core.read, particles, new.next_beam, blocks * BLOCK_BEAMS
+            )
+            answer = read.result() if self._is_here(read, patiently=True) else None
+            if answer is None or answer.epoch != epoch:
+                return False
+            self._store.hear_past(answer.past)
+            if answer.past != past:  # begin again
+                return False
+            N = answer.beams_in_log
+            if not self._fold(new, epoch, answer.beams):
+                return False
+        return self._attempt(
+            "exchanging the maps",
+            lambda: self._store.exchange(epoch, past, new.maps),
+            if_it_fails=False,
+        )
+
+    def _fold(self, new: Refolding, epoch: int, block: LogBlock) -> bool:
+        """As if the beams had come one block after the other; false: it is of no use any more."""
+        folded_before = new.folded
+        for step in new.steps(block, BLOCK_BEAMS):
+            if not self._attempt(
+                "following corrected histories",
+                lambda: self._store.aside(epoch, step),
+                if_it_fails=False,
+            ):
+                return False
+        self._clock.spend((new.folded - folded_before) / BLOCK_BEAMS)
         return True
 
     # New beams
@@ -145,8 +194,11 @@ class StreamTraining(Training):
         return future.done()
 
     def _take_in(self, answer: Answer[LogBlock] | None, epoch: int) -> bool:
-        """The block into the maps that lack it; false as in `_catch_up`."""
+        """The block into the maps that lack it; false as in `_catch_up`, or by another past."""
         if answer is None or answer.epoch != epoch:
+            return False
+        self._store.hear_past(answer.past)
+        if answer.past != self._store.newest_past or self._store.lagging():
             return False
         block, at_once = answer.beams, self._group.maps_at_once
         for start in range(0, len(self._asked_for), at_once):
@@ -175,7 +227,10 @@ class StreamTraining(Training):
             return
         future, self._sample = self._sample, None
         sample = future.result()
-        if sample is not None and sample.epoch == epoch:
+        if sample is None or sample.epoch != epoch:
+            return
+        self._store.hear_past(sample.past)
+        if not self._store.lagging():
             self._rebuild(self._last_rebuilt, sample)
 
     def _rebuild(self, particle: int, sample: Answer[np.ndarray]) -> None:

@@ -42,9 +42,9 @@ class Training(ABC):
     def _train(self, minibatches: Minibatches) -> None:
         """Use one reply of the core."""
 
-    def _attempt(self, what: str, step: Callable[[], bool]) -> bool:
+    def _attempt(self, what: str, step: Callable[[], bool], if_it_fails: bool = True) -> bool:
         """A step of one map, whose failure must not stop the others; false: the epoch is over."""
-        goes_on = True
+        goes_on = if_it_fails
         try:
             goes_on = step()
         except Exception as error:
@@ -124,6 +124,8 @@ class MinibatchTraining(Training):
 
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
+        # Such maps need not do more for it than to learn on.
+        self._store.follow_at_once(minibatches.past)
         for particle, beams in zip(self._store.own, minibatches.beams):
             if not self._attempt(
                 f"training step of particle {particle}",

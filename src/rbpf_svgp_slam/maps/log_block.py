@@ -31,6 +31,15 @@ class LogBlock:
         """The same beams with the poses of some of the particles."""
         return replace(self, poses=self.poses[list(rows)])
 
+    def part(self, first: int, last: int) -> LogBlock:
+        """Its beams first .. last - 1, and the poses of their pings."""
+        return self.beams_at(np.arange(first, last))
+
+    def beams_at(self, numbers: np.ndarray) -> LogBlock:
+        """Some of its beams, numbers [n] rising, and the poses of their pings."""
+        pings, beams_of_ping = np.unique(self.ping_of_beam[numbers], return_counts=True)
+        return LogBlock(self.levelled[numbers], beams_of_ping, self.poses[:, pings])
+
     def placed(self, row: int) -> np.ndarray:
         """The beams [n, 3] (x, y, z), float32 m, where one particle has them."""
         pose = self.poses[row][self.ping_of_beam]

@@ -24,7 +24,9 @@ class MapGroup(ABC):
     teacher: MinibatchMap | None = None
     #: Beams that a training step wants, of the maps' or the teacher's; 0: there are none.
     minibatch_size: int = 0
-    #: Largest sample of beams that a `rebuild` wants; 0: there is none.
+    #: Largest sample of beams that a map is made from anew: by a `rebuild`, or from the log's first
+    #: beam on where the histories have been corrected. 0: there is no `rebuild`, and a map is made
+    #: from all beams.
     rebuild_beams: int = 0
     #: How many maps `take_in` may be given at once. Others must wait while it works.
     maps_at_once: int = 1
@@ -42,6 +44,10 @@ class MapGroup(ABC):
     @abstractmethod
     def create(self) -> Any:
         """A new map of this node, which has seen nothing; all are equal."""
+
+    def create_anew(self) -> Any:
+        """A `StreamMap` which has seen nothing, under what maps of this node have learned."""
+        return self.create()
 
     @abstractmethod
     def load(self, data: bytes) -> Any:

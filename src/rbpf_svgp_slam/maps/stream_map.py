@@ -43,3 +43,7 @@ class StreamMap(SeabedMap):
         without effect.
         """
         raise NotImplementedError(f"{type(self).__name__} is never outdated")
+
+    def stand_for(self, beams_in_log: int) -> None:
+        """What has been taken in was a uniform sample of so many of the log's first beams."""
+        raise NotImplementedError(f"{type(self).__name__} is made of all beams")

@@ -47,6 +47,11 @@ class SvgpGroup(MapGroup):
     def create(self) -> SvgpMap:
         return self.map_class(self.config, self._survey_area, self._common)
 
+    def create_anew(self) -> SvgpMap:
+        one = self.create()
+        one.begin_anew()
+        return one
+
     def load(self, data: bytes) -> SvgpMap:
         return self.map_class.from_bytes(data, self.config, self._common)
 

@@ -58,6 +58,15 @@ class StreamingSvgp(SvgpMap, StreamMap):
             self.common.teacher.optimizer.reference_m,
         )
 
+    def begin_anew(self) -> None:
+        """Before the first beam: go by what the teacher knows now."""
+        self.optimizer.fixed = self.common.latest()
+        self.optimizer.reference_m = self.common.teacher.optimizer.reference_m
+
+    def stand_for(self, beams_in_log: int) -> None:
+        self.optimizer.stand_for(beams_in_log)
+        self._posterior = None
+
     def _restore(self, entries: dict[str, np.ndarray]) -> None:
         super()._restore(entries)
         if self.common is not None:

@@ -123,8 +123,13 @@ class Streaming(Optimizer):
         expect_squares(y)
         sums = Sums(self.config.inducing_points, self.device)
         self._add(X, y, fixed, sums, pause)
-        sums.scale(N / len(y))
-        self.fixed, self._sums, self.next_beam = fixed, sums, N
+        self.fixed, self._sums, self.next_beam = fixed, sums, len(y)
+        self.stand_for(N)
+
+    def stand_for(self, N: int) -> None:
+        """What has been taken in was a sample of the log's first N beams."""
+        self._sums.scale(N / self.next_beam)
+        self.next_beam = N
 
     def share_if_equal(self, fixed: FixedModel) -> None:
         """Use that object for the model, if it is the same model: L⁻¹ is then computed once."""

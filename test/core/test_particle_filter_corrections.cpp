@@ -1,0 +1,225 @@
+// The filter when its past is corrected.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "rbpf_core/particle_filter.hpp"
+#include "survey.hpp"
+
+namespace rbpf_core {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+void expectNear(const Pose2& seen, const Pose2& expected, double tolerance) {
+  EXPECT_NEAR(seen.x_m, expected.x_m, tolerance);
+  EXPECT_NEAR(seen.y_m, expected.y_m, tolerance);
+  EXPECT_NEAR(wrapAngle(seen.yaw_rad - expected.yaw_rad), 0.0, tolerance);
+}
+
+std::string problemWithCorrection(ParticleFilter& filter, const PastCorrection& correction) {
+  try {
+    filter.correctPast(correction);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ParticleFilterCorrections, MoveEveryPingAndTheParticlesNow) {
+  ParticleFilter filter(noisyParams(4));
+  sail(filter, turning, 0, 20);
+  filter.resample({2, 2, 0, 3});
+  sail(filter, turning, 20, 40);
+  const FilterSnapshot before = filter.snapshot();
+  PastCorrection correction;
+  for (std::size_t i = 0; i + 5 < before.pings(); ++i) {
+    const auto share = static_cast<double>(i);
+    correction.of_ping.push_back({0.1 * share, -0.2 * share, 0.01 * share});
+  }
+  correction.of_rest = {7.0, -3.0, 0.5};
+  filter.correctPast(correction);
+  const FilterSnapshot after = filter.snapshot();
+
+  ASSERT_EQ(after.pings(), before.pings());
+  for (std::size_t i = 0; i < before.pings(); ++i) {
+    const Pose2& motion =
+        i < correction.of_ping.size() ? correction.of_ping[i] : correction.of_rest;
+    const SurveyPing was = before.survey(i, 1)[0];
+    // the mean moves with the particles; yaws were kept as float32
+    expectNear(after.survey(i, 1)[0].estimate, move(motion, was.estimate), 2e-6);
+    EXPECT_EQ(after.record(i).dead_reckoning, was.record.dead_reckoning);
+  }
+  for (std::size_t j = 0; j < 4; ++j) {
+    EXPECT_EQ(after.particles()[j], move(correction.of_rest, before.particles()[j]));
+  }
+  EXPECT_EQ(after.estimate().odometry, before.estimate().odometry);
+  EXPECT_EQ(after.estimate().dead_reckoning, before.estimate().dead_reckoning);
+}
+
+TEST(ParticleFilterCorrections, AreCountedInTheSnapshotsThatShowThem) {
+  ParticleFilter filter(noisyParams(3));
+  sail(filter, turning, 0, 20);
+  const FilterSnapshot before = filter.snapshot();
+  const Pose2 was = before.latestPing()->poses[1];
+  PastCorrection correction;
+  correction.of_rest = {1.0, 0.0, 0.0};
+  correction.bias = {0.1, 0.2, 0.3};
+  filter.correctPast(correction);
+  filter.resample({1, 1, 1});
+  EXPECT_EQ(before.past(), 0U);
+  EXPECT_EQ(before.latestPing()->poses[1], was);
+  EXPECT_EQ(filter.snapshot().past(), 1U);
+  EXPECT_EQ(filter.snapshot().bias().sway_mps, 0.2);
+  filter.correctPast({});
+  EXPECT_EQ(filter.snapshot().past(), 2U);
+  EXPECT_EQ(filter.snapshot().bias().sway_mps, 0.0);  // the newest bias replaces the one before it
+}
+
+// A late ping lies between poses that have been moved, and so does one that waits for odometry.
+TEST(ParticleFilterCorrections, HoldForPingsOfTheTimeBeforeThatComeLater) {
+  ParticleFilter corrected(noisyParams(3));
+  ParticleFilter other(noisyParams(3));
+  const PastCorrection correction{{}, {7.0, -3.0, 0.5}, {}};
+  for (ParticleFilter* filter : {&corrected, &other}) {
+    sail(*filter, turning, 0, 20);
+    filter->addPing(pingAt(19.95));
+  }
+  corrected.correctPast(correction);
+  for (ParticleFilter* filter : {&corrected, &other}) {
+    filter->addPing(pingAt(18.03));
+    EXPECT_EQ(filter->snapshot().latestPing()->stamp_s, 18.03);
+  }
+  const std::vector<Pose2> was = other.snapshot().latestPing()->poses;
+  for (std::size_t j = 0; j < 3; ++j) {
+    expectNear(corrected.snapshot().latestPing()->poses[j], move(correction.of_rest, was[j]), 1e-6);
+  }
+  for (ParticleFilter* filter : {&corrected, &other}) filter->addOdometry(turning(20.0));
+  const std::vector<Pose2> later = other.snapshot().latestPing()->poses;
+  for (std::size_t j = 0; j < 3; ++j) {
+    // noise and motion are the same, seen from the moved pose
+    expectNear(corrected.snapshot().latestPing()->poses[j], move(correction.of_rest, later[j]),
+               1e-6);
+  }
+}
+
+// Odometry that measures too much by the bias, and a bias that is known.
+TEST(ParticleFilterCorrections, TakeTheBiasOffTheParticlesMotionOnly) {
+  ParticleFilter filter(quietParams());
+  const MotionBias bias{0.5, -0.2, 0.03};
+  const auto biased = [&](double stamp_s) {
+    Odometry odometry = turning(stamp_s);
+    odometry.linear_mps += Eigen::Vector3d(bias.surge_mps, bias.sway_mps, 0.0);
+    odometry.angular_radps.z() += bias.yaw_radps;
+    return odometry;
+  };
+  ParticleFilter truth(quietParams());
+  ParticleFilter uncorrected(quietParams());
+  filter.addOdometry(biased(0.0));
+  truth.addOdometry(turning(0.0));
+  uncorrected.addOdometry(biased(0.0));
+  filter.correctPast({{}, {}, bias});
+  for (int k = 1; k < 100; ++k) {
+    filter.addOdometry(biased(0.2 * k));
+    truth.addOdometry(turning(0.2 * k));
+    uncorrected.addOdometry(biased(0.2 * k));
+  }
+  expectNear(filter.snapshot().particles()[0], truth.snapshot().particles()[0], 1e-9);
+  EXPECT_EQ(filter.snapshot().estimate().dead_reckoning,
+            uncorrected.snapshot().estimate().dead_reckoning);
+  EXPECT_GT(std::abs(filter.snapshot().estimate().dead_reckoning.x_m -
+                     truth.snapshot().particles()[0].x_m),
+            1.0);
+}
+
+TEST(ParticleFilterCorrections, AreRefusedWithAReasonAndWithoutEffect) {
+  ParticleFilter filter(noisyParams(3));
+  sail(filter, turning, 0, 5);
+  const std::size_t pings = filter.snapshot().pings();
+  const std::vector<Pose2> particles = filter.snapshot().particles();
+  EXPECT_EQ(problemWithCorrection(filter, {std::vector<Pose2>(pings + 1), {}, {}}),
+            "correction of " + std::to_string(pings + 1) + " pings, expected at most the " +
+                std::to_string(pings) + " in the log");
+  std::vector<Pose2> of_ping(pings);
+  of_ping[1].yaw_rad = kNaN;
+  EXPECT_NE(problemWithCorrection(filter, {of_ping, {1.0, 0.0, 0.0}, {}}).find("of ping 1 is (0"),
+            std::string::npos);
+  EXPECT_NE(problemWithCorrection(filter, {{}, {kNaN, 0.0, 0.0}, {}}).find("of the rest"),
+            std::string::npos);
+  EXPECT_NE(problemWithCorrection(filter, {{}, {1.0, 0.0, 0.0}, {0.0, kNaN, 0.0}}).find("the bias"),
+            std::string::npos);
+  EXPECT_EQ(filter.snapshot().past(), 0U);
+  EXPECT_EQ(filter.snapshot().particles(), particles);
+}
+
+TEST(ParticleFilterCorrections, MayComeBeforeAnyOdometry) {
+  ParticleFilter filter(quietParams());
+  filter.correctPast({{}, {1.0, 0.0, 0.0}, {}});
+  sail(filter, turning, 0, 5);
+  EXPECT_EQ(filter.snapshot().past(), 1U);
+  EXPECT_EQ(filter.snapshot().latestPing()->poses[0].x_m,
+            filter.snapshot().latestPing()->poses[1].x_m);
+}
+
+// ---- while the survey goes on ------------------------------------------------------------------
+
+// Every correction shifts all that there is by 1 m: a snapshot of past k shows every ping shifted
+// by k, at whatever moment it is taken. Meant for ThreadSanitizer too.
+TEST(ParticleFilterCorrections, AreWholeInEverySnapshot) {
+  constexpr double kEast_m = 1.0;
+  FilterParams params = quietParams(4);
+  ParticleFilter filter(params);
+  const auto still = [](double stamp_s) {
+    Odometry odometry;
+    odometry.stamp_s = stamp_s;
+    odometry.linear_mps.z() = 1e-9;  // a twist, though one that moves nothing in the plane
+    return odometry;
+  };
+  sail(filter, still, 0, 20);
+  std::atomic<bool> stop{false};
+  std::atomic<bool> sound{true};
+  std::atomic<std::size_t> read{0};
+  std::vector<std::thread> readers;
+  for (int t = 0; t < 2; ++t) {
+    readers.emplace_back([&] {
+      for (; !stop; ++read) {
+        const FilterSnapshot seen = filter.snapshot();
+        const double east_m = kEast_m * seen.past();
+        for (const Pose2& pose : seen.particles()) {
+          if (pose.x_m != east_m) sound = false;
+        }
+        const LogBlock block = seen.logBlock({0, 3}, 0, seen.beamsReleased());
+        for (const HistoryPose& pose : block.poses) {
+          if (pose.x_m != east_m) sound = false;
+        }
+        std::vector<PlacedBeam> beams(50);
+        seen.drawMinibatch(1, beams.size(), beams.data());
+        for (const PlacedBeam& beam : beams) {
+          if (beam.x_m != static_cast<float>(east_m)) sound = false;
+        }
+      }
+    });
+  }
+  std::atomic<std::size_t> corrected{0};
+  std::thread smoother([&] {
+    for (; !stop; ++corrected) {
+      const std::size_t pings = filter.snapshot().pings();
+      filter.correctPast({std::vector<Pose2>(pings, {kEast_m, 0.0, 0.0}), {kEast_m, 0.0, 0.0}, {}});
+      filter.resample({1, 0, 2, 2});
+    }
+  });
+  for (int k = 20; k < 60 || read < 200 || corrected < 30; ++k) sail(filter, still, k, k + 1);
+  stop = true;
+  for (std::thread& reader : readers) reader.join();
+  smoother.join();
+  EXPECT_TRUE(sound);
+}
+
+}  // namespace
+}  // namespace rbpf_core
