@@ -35,6 +35,8 @@ int main(int argc, char** argv) {
         log.pings.push_back({0.0,
                              {},
                              {},
+                             {},
+                             Eigen::Matrix3d::Zero(),
                              slot,
                              log.training.size(),
                              static_cast<std::uint32_t>(beams.cols()),

@@ -119,8 +119,7 @@ std::vector<SurveyPing> FilterSnapshot::survey(std::size_t first, std::size_t co
     const PingRecord& ping = record(i);
     const std::vector<Pose2> poses = posesAt(ping.slot);
     const Pose2 mean = weightedMean(poses, weights);
-    const Eigen::Matrix3d covariance = weightedCovariance(poses, weights, mean);
-    pings.push_back({ping, mean, covariance.diagonal().head<2>().cwiseSqrt(), beamsOf(ping)});
+    pings.push_back({ping, mean, weightedCovariance(poses, weights, mean), beamsOf(ping)});
   }
   return pings;
 }

@@ -23,6 +23,10 @@ struct PingRecord {
   double stamp_s;
   Attitude attitude;
   Pose2 dead_reckoning;
+  // The online estimate: mean and covariance of x, y, yaw of the particles when the ping was taken
+  // in, before anything that it or a later one has said of them.
+  Pose2 online;
+  Eigen::Matrix3d online_covariance;
   // Of its pose in every particle's trajectory.
   PoseSlot slot;
   // Its first beam's number in SurveyLog::training, or in held_out if it is held out.
@@ -68,8 +72,8 @@ struct Estimate {
 struct SurveyPing {
   PingRecord record;
   Pose2 estimate;
-  // Weighted spread of the particles' x, y.
-  Eigen::Vector2d std_m;
+  // Weighted spread of the particles' x, y, yaw.
+  Eigen::Matrix3d covariance;
   Beams levelled_m;
 };
 

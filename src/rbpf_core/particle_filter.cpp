@@ -222,11 +222,23 @@ void ParticleFilter::takeIn(const Ping& ping) {
   }
   const bool held_out = isHeldOut(log_.pings.size());
   MbesLog& beam_log = held_out ? log_.held_out : log_.training;
+  const Eigen::ArrayXd w = weights();
+  const Pose2 online = weightedMean(particles.poses, w);
   const PoseSlot slot = histories_.append(particles.poses);
-  log_.pings.push_back({ping.stamp_s, attitude, particles.dead_reckoning, slot, beam_log.size(),
+  log_.pings.push_back({ping.stamp_s, attitude, particles.dead_reckoning, online,
+                        weightedCovariance(particles.poses, w, online), slot, beam_log.size(),
                         static_cast<std::uint32_t>(beams.cols()), held_out});
   beam_log.append(slot, beams);
   releaseHeldBack();
+}
+
+Eigen::ArrayXd ParticleFilter::weights() const {
+  std::shared_ptr<const Eigen::ArrayXd> log_weights;
+  {
+    const std::lock_guard lock(published_mutex_);  // they are set without being the writer
+    log_weights = published_.log_weights_;
+  }
+  return log_weights->exp();
 }
 
 bool ParticleFilter::isHeldOut(std::size_t ping) const {

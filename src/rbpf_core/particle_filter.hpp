@@ -82,6 +82,7 @@ class ParticleFilter {
   StampedParticles particlesAt(double stamp_s) const;
   std::deque<StampedParticles::ConstPtr>::const_iterator firstNotBefore(double stamp_s) const;
   void takeIn(const Ping& ping);
+  Eigen::ArrayXd weights() const;
   void takeInWaiting();
   void releaseHeldBack();
   bool isHeldOut(std::size_t ping) const;

@@ -14,6 +14,13 @@ void appendPose(const rbpf_core::Pose2& pose, const rbpf_core::Attitude& attitud
   appendBytes(values, 6, bytes);
 }
 
+// The upper triangle, row by row.
+void appendCovariance(const Eigen::Matrix3d& covariance, std::vector<std::uint8_t>* bytes) {
+  const double values[6] = {covariance(0, 0), covariance(0, 1), covariance(0, 2),
+                            covariance(1, 1), covariance(1, 2), covariance(2, 2)};
+  appendBytes(values, 6, bytes);
+}
+
 }  // namespace
 
 Services::Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
@@ -49,7 +56,9 @@ bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
     const rbpf_core::PingRecord& record = ping.record;
     appendBytes(&record.stamp_s, 1, &response.stamps);
     appendPose(ping.estimate, record.attitude, &response.estimate);
-    appendBytes(ping.std_m.data(), 2, &response.estimate_std);
+    appendCovariance(ping.covariance, &response.estimate_covariance);
+    appendPose(record.online, record.attitude, &response.online);
+    appendCovariance(record.online_covariance, &response.online_covariance);
     appendPose(record.dead_reckoning, record.attitude, &response.dead_reckoning);
     response.held_out.push_back(record.held_out);
     response.beams_per_ping.push_back(record.beams);

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from rbpf_svgp_slam.evaluation.report import write_report
+from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.run.run_files import save_run
 from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
 
@@ -79,6 +80,46 @@ def make_history(t_s, duration_s):
     }
 
 
+def covariances(std_m):
+    """Upper triangles [P, 6] for standard deviations of x and y [P, 2] m, and 0.01 rad of yaw."""
+    upper = np.zeros((len(std_m), 6))
+    upper[:, [0, 3]], upper[:, 5] = std_m**2, 0.01**2
+    return upper
+
+
+def make_closures(rng, stamp_s, truth):
+    """Sixteen closures between neighbouring lines, two of them 3 m wrong and three refused."""
+    line = len(stamp_s) // 6
+    older = rng.integers(0, len(stamp_s) - line, 16)
+    younger = older + line
+    sigma = np.array([0.2, 0.2, 0.01])
+    x, y, yaw = 0, 1, 5
+    d = truth[younger] - truth[older]
+    cos, sin = np.cos(truth[older, yaw]), np.sin(truth[older, yaw])
+    true = [cos * d[:, x] + sin * d[:, y], cos * d[:, y] - sin * d[:, x], d[:, yaw]]
+    relative = np.column_stack(true) + sigma * rng.standard_normal((16, 3))
+    relative[:2, 0] += 3.0
+    verdict = np.array(["accepted"] * 13 + ["flat", "flat", "bad_fit"])
+    return Closures(
+        stamp=stamp_s[younger],
+        stamp_older=stamp_s[older],
+        relative=relative,
+        covariance=np.tile([0.2**2, 0, 0, 0.2**2, 0, 0.01**2], (16, 1)),
+        shift=rng.standard_normal((16, 3)) * [1.0, 1.0, 0.01],
+        rms_m=rng.uniform(0.1, 0.2, 16),
+        beams=rng.integers(500, 900, 16),
+        weight=np.where(verdict == "accepted", 1.0, np.nan),
+        verdict=verdict,
+    )
+
+
+#: What a run has for each ping, for tests that cut a survey short.
+OF_PINGS = (
+    "stamp_s estimate estimate_covariance online online_covariance dead_reckoning ground_truth "
+    "held_out"
+).split()
+
+
 def make_run(seed=0):
     """A survey of six lines whose DR drifts by up to 6 m, and whose estimate errs by 0.5 m."""
     rng = np.random.default_rng(seed)
@@ -102,7 +143,10 @@ def make_run(seed=0):
     return SurveyRun(
         stamp_s=stamp_s,
         estimate=truth + wander,
-        estimate_std_m=0.05 + np.abs(wander[:, :2]) * 0.5 + 0.2 * phase,
+        estimate_covariance=covariances(0.05 + np.abs(wander[:, :2]) * 0.5 + 0.2 * phase),
+        online=truth + 2 * wander,
+        online_covariance=covariances(0.1 + np.abs(wander[:, :2]) + 0.4 * phase),
+        closures=make_closures(rng, stamp_s, truth),
         dead_reckoning=truth + drift,
         ground_truth=truth,
         levelled=np.column_stack([np.zeros(len(z)), np.tile(offsets_m, len(truth)), z]),

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
-from made_up_survey import lawn_mower, make_run, without
+from made_up_survey import OF_PINGS, lawn_mower, make_run, without
 
 from rbpf_svgp_slam.evaluation import page
 from rbpf_svgp_slam.evaluation.report import write_report
 from rbpf_svgp_slam.figures import (
+    closure_figures,
     figure_style,
     map_figures,
     time_lapse_figures,
@@ -21,6 +22,7 @@ from rbpf_svgp_slam.figures import (
     training_figures,
 )
 from rbpf_svgp_slam.metrics.evaluation import evaluate
+from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.run.survey_run import GridMap, TimeLapse
 
 MAP_FIGURES = (
@@ -156,10 +158,7 @@ def test_raw_bathymetry_is_placed_by_dead_reckoning_and_ignores_outliers(run):
 
 def test_raw_cells_are_no_finer_than_the_pings_are_apart(run):
     poses = lawn_mower(lines=1, length_m=2000.0, step_m=4.0)
-    few = {
-        name: getattr(run, name)[: len(poses)]
-        for name in "stamp_s estimate estimate_std_m dead_reckoning ground_truth held_out".split()
-    }
+    few = {name: getattr(run, name)[: len(poses)] for name in OF_PINGS}
     beams = len(poses) * 40
     assert len(few["stamp_s"]) == len(poses)
     sparse = without(
@@ -173,7 +172,7 @@ def test_raw_cells_are_no_finer_than_the_pings_are_apart(run):
 # Instants at which counters grew
 
 
-def test_loop_closures_are_where_their_counter_grew(run):
+def test_prompts_are_where_their_counter_grew(run):
     t_s = run.stamp_s[0] + 60.0 * np.arange(6)
     history = {"t_s": t_s, "loop_closure_prompts": np.array([3, 3, 4, 4, 9, 9])}
     short = without(run, status_history=history)
@@ -185,25 +184,100 @@ def test_loop_closures_are_where_their_counter_grew(run):
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_position_errors_show_closures_and_resamplings(run, known):
+def test_position_errors_show_prompts_and_resamplings(run, known):
     shown = run if known else without(run, ground_truth=None)
     figure, _ = track_figures.position_errors(shown, None)
-    closures = track_figures.event_minutes(run, "loop_closure_prompts")
+    prompts = track_figures.event_minutes(run, "loop_closure_prompts")
     resamplings = track_figures.event_minutes(run, "resamplings")
-    assert len(closures) > 20 and len(resamplings) == 4
+    assert len(prompts) > 20 and len(resamplings) == 4
     for axes in figure.axes:
-        ticks = [line for line in axes.lines if line.get_label() == "loop closures"]
-        np.testing.assert_array_equal(ticks[0].get_xdata(), closures)
+        ticks = [line for line in axes.lines if line.get_label() == "prompts"]
+        np.testing.assert_array_equal(ticks[0].get_xdata(), prompts)
         lines = [
             c for c in axes.collections if isinstance(c, matplotlib.collections.LineCollection)
         ]
         starts = [segment[0, 0] for segment in lines[0].get_segments()]
         np.testing.assert_array_equal(starts, resamplings)
     legend = {text.get_text() for text in figure.axes[0].get_legend().get_texts()}
-    assert {"loop closures", "resamplings"} <= legend
+    assert {"prompts", "resamplings"} <= legend
     quiet, _ = track_figures.position_errors(without(shown, status_history={}), None)
     legend = {text.get_text() for text in quiet.axes[0].get_legend().get_texts()}
-    assert not {"loop closures", "resamplings"} & legend
+    assert not {"prompts", "resamplings"} & legend
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_both_estimates_are_drawn_with_what_they_say_of_their_errors(run, known):
+    shown = run if known else without(run, ground_truth=None)
+    figure, _ = track_figures.position_errors(shown, None)
+    truth = run.ground_truth if known else run.dead_reckoning
+    [axes] = [axes for axes in figure.axes if axes.get_ylabel().endswith("in y (m)")]
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    np.testing.assert_allclose(lines["RBPF"], run.estimate[:, 1] - truth[:, 1])
+    np.testing.assert_allclose(lines["RBPF online"], run.online[:, 1] - truth[:, 1])
+    bands = {band.get_label(): band.get_paths()[0].vertices[:, 1] for band in axes.collections}
+    for name, covariance in {
+        "RBPF": run.estimate_covariance,
+        "RBPF online": run.online_covariance,
+    }.items():
+        # made_up_survey's covariances are diagonal: yy is the fourth of the triangle.
+        assert bands[f"±2σ, {name}"].max() == pytest.approx(2 * np.sqrt(covariance[:, 3].max()))
+    old = without(shown, online=None, online_covariance=None, estimate_covariance=None)
+    figure, _ = track_figures.position_errors(old, None)
+    legend = {text.get_text() for text in figure.axes[0].get_legend().get_texts()}
+    assert "RBPF" in legend and not [label for label in legend if "online" in label or "σ" in label]
+
+
+# Loop closures
+
+
+def test_closures_tie_the_poses_of_their_stamps_together(drawn, run):
+    [axes] = plan_views(drawn["loop_closures"])
+    assert axes.get_aspect() == 1
+    colour_bars = [child.get_ylabel() for child in axes.child_axes]
+    assert colour_bars == ["residual of accepted closures (m)"]
+    lines = {
+        tuple(segment.ravel())
+        for collection in axes.collections
+        for segment in collection.get_segments()
+    }
+    position = dict(zip(run.stamp_s, run.estimate[:, :2]))
+    stamps = zip(run.closures.stamp_older, run.closures.stamp)
+    expected = np.array([np.ravel([position[a], position[b]]) for a, b in stamps])
+    np.testing.assert_allclose(sorted(lines), sorted(map(tuple, expected)), atol=1e-6)
+
+
+def test_the_legend_counts_closures_by_verdict_and_wrong_ones(drawn, run):
+    def legend(figure):
+        return {text.get_text() for text in plan_views(figure)[0].get_legend().get_texts()}
+
+    counts = {"track", "accepted (13)", "flat (2)", "bad fit (1)"}
+    assert legend(drawn["loop_closures"]) == counts | {"wrong (2)"}
+    with matplotlib.rc_context(figure_style.STYLE):
+        blind, _ = closure_figures.loop_closures(without(run, ground_truth=None), None)
+    assert legend(blind) == counts
+
+
+def test_an_accepted_closure_is_coloured_by_what_the_final_track_departs_from_it(run):
+    closures = dataclasses.replace(run.closures)
+    # Only the first is accepted, and 3 m wrong, but for its noise: four σ of 0.2 m are allowed.
+    closures.verdict = np.where(np.arange(16) == 0, "accepted", "a_new_reason")
+    exact = without(run, closures=closures, estimate=run.ground_truth)
+    figure, _ = closure_figures.loop_closures(exact, None)
+    coloured = [c for c in figure.axes[0].collections if c.get_array() is not None]
+    [residual_m] = coloured[0].get_array().tolist()
+    assert residual_m == pytest.approx(3.0, abs=0.8)
+
+
+def test_without_an_accepted_closure_there_is_no_colour_bar(run):
+    closures = dataclasses.replace(run.closures, verdict=np.full(16, "flat"))
+    figure, _ = closure_figures.loop_closures(without(run, closures=closures), None)
+    assert not figure.axes[0].child_axes
+    assert page.to_png(figure).startswith(b"\x89PNG")
+
+
+def test_without_any_closure_there_is_no_figure(run):
+    for closures in (None, Closures.of([])):
+        assert closure_figures.loop_closures(without(run, closures=closures), None) is None
 
 
 # Training objective
@@ -339,10 +413,7 @@ def test_the_animation_has_every_frame_and_goes_with_the_time_lapse(run, tmp_pat
 
 
 def test_one_ping_makes_figures_and_no_raw_bathymetry(run):
-    few = {
-        name: getattr(run, name)[:1]
-        for name in "stamp_s estimate estimate_std_m dead_reckoning ground_truth held_out".split()
-    }
+    few = {name: getattr(run, name)[:1] for name in OF_PINGS}
     beams = {"levelled": run.levelled[:40], "ping_of_beam": run.ping_of_beam[:40]}
     one = without(run, **few, **beams, status_history={}, time_lapse=None)
     figures = {name: figure for name, figure, _ in page.draw_figures(one, evaluate(one))}

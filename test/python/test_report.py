@@ -5,8 +5,9 @@ import re
 
 import numpy as np
 import pytest
-from made_up_survey import without, write_run
+from made_up_survey import OF_PINGS, without, write_run
 
+from rbpf_svgp_slam.evaluation.result_lines import summarise
 from rbpf_svgp_slam.run.tracks import read_tum
 
 CONTRACT = (
@@ -14,6 +15,9 @@ CONTRACT = (
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
     "ate_rmse_m dr_ate_rmse_m ate_aligned_rmse_m dr_ate_aligned_rmse_m final_error_m "
     "dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s "
+    "online_ate_rmse_m online_ate_aligned_rmse_m nees nees_skipped online_nees online_nees_skipped "
+    "closures closures_accepted closures_refused closures_wrong closures_wrong_share "
+    "closure_error_median_m closure_nees "
     "map_rmse_m map_msll "
     "seabed_rmse_m seabed_msll seabed_coverage seabed_interval95_coverage seabed_spacing_m "
     "consistency_rmse_m grid_rmse_m peak_rss_mb"
@@ -60,8 +64,8 @@ def test_report_recovers_the_known_errors(run, folder):
 def test_run_folder_is_complete(run, folder):
     out_dir, _ = folder
     names = {path.name for path in out_dir.iterdir()}
-    tracks = {"trajectory.tum", "dead_reckoning.tum", "ground_truth.tum"}
-    data = {"map.npz", "survey.npz", "history.npz", "parameters.yaml"}
+    tracks = {"trajectory.tum", "online.tum", "dead_reckoning.tum", "ground_truth.tum"}
+    data = {"map.npz", "survey.npz", "closures.npz", "history.npz", "parameters.yaml"}
     assert names == tracks | data | {"report.json", "report.html", "seabed.npz"}
     with np.load(out_dir / "map.npz") as saved:
         for name in ("x", "y", "mean", "variance"):
@@ -78,6 +82,7 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
     assert figures == [
         "trajectories",
         "position_errors",
+        "loop_closures",
         "raw_bathymetry",
         "seabed",
         "posterior",
@@ -92,26 +97,42 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
     assert "://" not in text and "<script" not in text and "url(" not in text
 
 
+def test_the_last_lines_tell_both_estimates_and_the_closures(folder):
+    out_dir, report = folder
+    lines = summarise(report, out_dir).splitlines()
+    online, final, dr = (
+        f"{report[name]:.2f} m" for name in ("online_ate_rmse_m", "ate_rmse_m", "dr_ate_rmse_m")
+    )
+    assert lines[0] == f"RBPF error: online ATE {online}, final ATE {final} (DR {dr})"
+    assert lines[2] == "Closures:   13 accepted, 2 wrong; 3 refused"
+    assert lines[3].endswith("report.html") and len(lines) == 4
+    new = ("online", "closure")
+    old = {name: value for name, value in report.items() if not name.startswith(new)}
+    lines = summarise(old, out_dir).splitlines()
+    assert lines[0] == f"RBPF error: online ATE unknown, final ATE {final} (DR {dr})"
+    assert len(lines) == 3
+
+
 def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     blind = without(run, ground_truth=None, terrain=None)
     (tmp_path / "ground_truth.tum").write_text("of an earlier run")
     report = write_run(blind, tmp_path)
+    for name in "online_ate_rmse_m nees nees_skipped closures_wrong closure_nees".split():
+        assert report[name] is None
+    assert report["closures_accepted"] == 13
     errors = "ate_rmse_m final_error_m rpe_rmse_m".split()
     for name in [*errors, *(f"dr_{name}" for name in errors)]:
         assert report[name] is None
     assert report["map_rmse_m"] == folder[1]["map_rmse_m"]
     assert any("no ground truth" in note for note in report["notes"])
     assert not (tmp_path / "ground_truth.tum").exists()
-    assert (tmp_path / "report.html").read_text().count("<figure id=") == 10
+    assert (tmp_path / "report.html").read_text().count("<figure id=") == 11
 
 
 @pytest.mark.parametrize("pings", [0, 1])
 def test_a_survey_without_beams_is_reported(run, tmp_path, pings):
     none = np.empty((0, 3), dtype=np.float32)
-    few = {
-        name: getattr(run, name)[:pings]
-        for name in "stamp_s estimate estimate_std_m dead_reckoning ground_truth held_out".split()
-    }
+    few = {name: getattr(run, name)[:pings] for name in OF_PINGS}
     empty = without(
         run,
         **few,

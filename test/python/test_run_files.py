@@ -2,13 +2,16 @@
 
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
 from made_up_survey import make_run, write_run
 
+from rbpf_svgp_slam.figures.report_figures import draw_figures
 from rbpf_svgp_slam.metrics.evaluation import evaluate
-from rbpf_svgp_slam.run.run_files import RunFolderError, load_run
+from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.run.run_files import RunFolderError, load_run, save_run
 from rbpf_svgp_slam.run.survey_run import StoredMap, TimeLapse
 from rbpf_svgp_slam.svgp.config import SvgpConfig
 from rbpf_svgp_slam.svgp.minibatch_svgp import MinibatchSvgp
@@ -49,10 +52,13 @@ def test_a_run_read_back_is_the_run(saved):
     run, folder, _ = saved
     again = load_run(folder)
     # TUM files hold nine decimals.
-    for name in ("estimate", "dead_reckoning", "ground_truth"):
+    for name in ("estimate", "online", "dead_reckoning", "ground_truth"):
         np.testing.assert_allclose(getattr(again, name), getattr(run, name), atol=1e-8)
-    for name in ("stamp_s", "held_out", "ping_of_beam", "estimate_std_m", "support_points"):
+    arrays = "stamp_s held_out ping_of_beam estimate_covariance online_covariance support_points"
+    for name in arrays.split():
         np.testing.assert_array_equal(getattr(again, name), getattr(run, name))
+    for name, column in vars(run.closures).items():
+        np.testing.assert_array_equal(getattr(again.closures, name), column)
     np.testing.assert_array_equal(again.levelled, run.levelled.astype(np.float32))
     for name in ("mean", "variance"):
         np.testing.assert_array_equal(getattr(again.map, name), getattr(run.map, name))
@@ -76,6 +82,52 @@ def test_its_report_can_be_made_again(saved):
             assert again[name] == pytest.approx(value, rel=rel), name
         elif not isinstance(value, dict):
             assert again[name] == value, name
+
+
+def test_a_folder_of_before_there_were_two_estimates_is_scored(saved, tmp_path):
+    _, folder, report = saved
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    for name in ("online.tum", "closures.npz", "report.json"):
+        (tmp_path / name).unlink()
+    with np.load(folder / "survey.npz") as file:
+        arrays = {name: file[name] for name in file.files if not name.endswith("covariance")}
+    # As it was then.
+    np.savez(tmp_path / "survey.npz", **arrays, estimate_std_m=np.ones((len(arrays["stamp_s"]), 2)))
+    old = load_run(tmp_path)
+    scored = evaluate(old).report
+    assert scored["ate_rmse_m"] == pytest.approx(report["ate_rmse_m"], rel=1e-6)
+    new = {n for n in report if "online" in n or "nees" in n or n.startswith("closure")}
+    assert len(new) == 13
+    assert {scored[name] for name in new} == {None}
+    assert "loop_closures" not in {name for name, *_ in draw_figures(old, evaluate(old))}
+
+
+def test_what_an_earlier_run_has_left_does_not_stay(saved, tmp_path):
+    run, folder, _ = saved
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    save_run(dataclasses.replace(run, online=None, closures=None, online_covariance=None), tmp_path)
+    again = load_run(tmp_path)
+    assert again.online is None and again.closures is None and again.online_covariance is None
+
+
+def test_closures_of_a_wrong_shape_are_named(saved, tmp_path):
+    run, folder, _ = saved
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    np.savez(tmp_path / "closures.npz", **{**vars(run.closures), "shift": np.zeros((2, 3))})
+    with pytest.raises(ValueError, match="closures' shift: expected shape"):
+        load_run(tmp_path)
+
+
+def test_a_run_that_has_tried_no_closure_says_so(saved, tmp_path):
+    run, _, _ = saved
+    save_run(dataclasses.replace(run, closures=Closures.of([])), tmp_path)
+    report = evaluate(load_run(tmp_path)).report
+    assert (report["closures"], report["closures_accepted"], report["closures_refused"]) == (
+        [],
+        0,
+        {},
+    )
+    assert report["closures_wrong"] == 0 and report["closures_wrong_share"] is None
 
 
 def test_a_run_of_another_program_is_scored_by_its_grid(saved, tmp_path):

@@ -127,6 +127,18 @@ class CoreTest(unittest.TestCase):
             self.assertTrue(reply.success, reply.message)
             self.assertEqual(len(block_of(reply, 2)), left)
 
+    def test_nothing_weighted_or_resampled_leaves_both_estimates_alike(self):
+        reply = self.get_pings(0, DURATION_S)
+        rows = [
+            np.frombuffer(getattr(reply, name), "<f8").reshape(DURATION_S, 6)
+            for name in ("estimate", "online", "estimate_covariance", "online_covariance")
+        ]
+        # histories keep cosines as float32
+        np.testing.assert_allclose(rows[1], rows[0], atol=1e-6)
+        np.testing.assert_allclose(rows[3], rows[2], atol=1e-6)
+        xx, xy, _, yy, _, yaw = rows[3][1:].T
+        self.assertTrue(np.all((xx > 0) & (yy > 0) & (yaw > 0) & (xy**2 <= xx * yy)))
+
     def test_an_empty_log_is_refused_alike(self):
         for reply in self.empty:
             self.assertFalse(reply.success)

@@ -26,6 +26,8 @@ from rbpf_svgp_slam.srv import GetMaps
 MASTER = rosgraph.Master("/test_offline")
 PATIENCE_S = 120.0  # with a replay of seconds; reached only by a bug
 RECEIVED_LATE_S = 5.0  # at most, in the bag whose messages were received in another order
+# Of the run folder, that must be the same to the byte.
+FILES = ("trajectory.tum", "online.tum", "map.npz")
 # J is not divisible by B. Tiny maps; nearly every prompt resamples.
 SMALL = {
     "particles": 5,
@@ -88,7 +90,7 @@ class OfflineTest(unittest.TestCase):
         cls.folder.cleanup()
 
     def replay(self, name, bag, nodes, maps_of, seed=1):
-        """Trajectory, map and every particle's map, as bytes.
+        """Both estimates, the map and every particle's map, as bytes.
 
         maps_of: parameters of the maps.
         """
@@ -121,7 +123,7 @@ class OfflineTest(unittest.TestCase):
         totals = re.search(r"s of survey in ([\d.]+) s, [\d.]+ x real time", log.read_text())
         self.assertAlmostEqual(report["wall_s"], float(totals.group(1)), delta=0.01)  # as printed
         self.assertGreater(min(map(len, maps.values())), 1000)
-        return [(out / file).read_bytes() for file in ("trajectory.tum", "map.npz")] + [maps]
+        return [(out / file).read_bytes() for file in FILES] + [maps]
 
     def maps_at_the_end(self, running, nodes):
         deadline_s = time.monotonic() + PATIENCE_S
@@ -135,7 +137,7 @@ class OfflineTest(unittest.TestCase):
         name = self._testMethodName
         first = self.replay(name, self.bag, nodes, maps_of)
         again = self.replay(f"{name}_again", self.shuffled, nodes, maps_of)
-        for what, a, b in zip(("trajectory", "map", "particles' maps"), first, again):
+        for what, a, b in zip((*FILES, "the particles' maps"), first, again):
             self.assertTrue(a == b, f"{what} of two replays differ")
         return first
 

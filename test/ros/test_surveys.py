@@ -111,7 +111,9 @@ class Surveys(unittest.TestCase):
         # two minutes of drift: the filter may be better or worse, not lost
         self.assertLess(report["ate_rmse_m"], 3 * report["dr_ate_rmse_m"] + 5.0)
         self.assertGreater((self.out / "report.html").stat().st_size, 100_000)
-        for name in ("trajectory", "dead_reckoning", "ground_truth"):
+        for name in ("online_ate_rmse_m", "nees_skipped", "online_nees"):
+            self.assertIsNotNone(report[name], name)
+        for name in ("trajectory", "online", "dead_reckoning", "ground_truth"):
             stamp_s, _ = read_tum(self.out / f"{name}.tum")
             # the ground truth, at 10 Hz, may end before the last ping
             self.assertAlmostEqual(len(stamp_s), report["pings"], delta=2)
@@ -134,7 +136,7 @@ class Surveys(unittest.TestCase):
         self.assertGreater(report["prompt_s_median"], 0.0)
         self.assertGreater(report["resampling_s_median"], 0.0)
         self.assertRegex(output, r"replay .* %, ETA \d\d:\d\d")
-        self.assertIn("RBPF error: ATE", output)
+        self.assertIn("RBPF error: online ATE", output)
 
     def test_offline_loses_nothing(self):
         status, output = launch("offline.launch", f"bag:={self.bag}", *self.common_args())

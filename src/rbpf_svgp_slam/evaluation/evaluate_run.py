@@ -28,15 +28,20 @@ A folder of another program is scored too. Without alignment, in one frame map, 
   trajectory.tum      one pose a ping: stamp x y z qx qy qz qw (s, m), matched to within 1 us
   dead_reckoning.tum  the same, by dead reckoning
   ground_truth.tum    the same, where it is known; optional
+  online.tum          the same, as estimated when the ping came; optional
   map.npz             x [nx], y [ny] cell centres in m, increasing; mean [nx, ny] of the seabed's z
                       in m, variance [nx, ny] of it in m2, NaN where unknown; noise_variance_m2,
                       optional, of a beam
   survey.npz          stamp_s [P] of the pings; held_out [P] bool, pings that the map has not been
                       made from; beams_per_ping [P]; levelled [N, 3] beams in ping order, float32 m:
-                      x forward and y left of base_link with roll and pitch taken out, z in map
+                      x forward and y left of base_link with roll and pitch taken out, z in map;
+                      optional estimate_covariance, online_covariance [P, 6] of the two estimates:
+                      xx, xy, x yaw, yy, y yaw, yaw yaw (m2, m rad, rad2)
+  closures.npz        loop closures, arrays as the fields of Closure.msg; optional
   report.json, parameters.yaml, history.npz   optional
 Without survey.npz the trajectories alone are scored: trajectory.tum and ground_truth.tum, and
-dead_reckoning.tum if it is there; their stamps may differ, poses are interpolated."""
+dead_reckoning.tum and online.tum if they are there; their stamps may differ, poses are
+interpolated."""
 
 # Two programs' sums over the same doubles; 1e-9 m, a TUM file's last digit, for errors of zero.
 _EVO_TOLERANCE = {"rel_tol": 1e-6, "abs_tol": 1e-9}
@@ -177,6 +182,8 @@ def _coverage_notes(run: SurveyRun) -> list[str]:
     """What the trajectories' files lack: metrics are over the other pings, in silence."""
     pings, notes = len(run.stamp_s), []
     tracks = {"trajectory": run.estimate, "dead_reckoning": run.dead_reckoning}
+    if run.online is not None:
+        tracks["online"] = run.online
     if not has_survey(run):
         tracks["ground_truth"] = run.ground_truth
     for name, poses in tracks.items():

@@ -1,4 +1,4 @@
-"""The three lines that a run ends with."""
+"""The lines that a run ends with."""
 
 from __future__ import annotations
 
@@ -7,14 +7,26 @@ from typing import Any
 
 
 def summarise(report: dict[str, Any], out_dir: Path) -> str:
-    """Dead reckoning's error, the filter's error, and where the report is."""
+    """The filter's errors beside dead reckoning's, the closures, and where the report is.
+
+    report: of report.json, which may be older than some of its fields.
+    """
 
     def metres(name: str) -> str:
-        value = report[name]
+        value = report.get(name)
         return "unknown" if value is None else f"{value:.2f} m"
 
-    return (
-        f"DR error:   ATE {metres('dr_ate_rmse_m')}, final {metres('dr_final_error_m')}\n"
-        f"RBPF error: ATE {metres('ate_rmse_m')}, final {metres('final_error_m')}\n"
-        f"Report: {(out_dir / 'report.html').resolve()}"
-    )
+    lines = [
+        f"RBPF error: online ATE {metres('online_ate_rmse_m')}, "
+        f"final ATE {metres('ate_rmse_m')} (DR {metres('dr_ate_rmse_m')})",
+        f"At the end: {metres('final_error_m')} (DR {metres('dr_final_error_m')})",
+    ]
+    if report.get("closures"):
+        lines.append(f"Closures:   {_closures(report)}")
+    return "\n".join([*lines, f"Report: {(out_dir / 'report.html').resolve()}"])
+
+
+def _closures(report: dict[str, Any]) -> str:
+    refused, wrong = sum(report["closures_refused"].values()), report["closures_wrong"]
+    wrong = "" if wrong is None else f", {wrong} wrong"
+    return f"{report['closures_accepted']} accepted{wrong}; {refused} refused"

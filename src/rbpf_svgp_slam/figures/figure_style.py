@@ -9,7 +9,8 @@ from __future__ import annotations
 import matplotlib.cm
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, LogNorm
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap, ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.ticker import LogLocator
@@ -43,9 +44,19 @@ STYLE = {
 WIDTH_IN = 9.0
 LEGEND_ABOVE = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderaxespad": 0.1, "ncol": 5}
 
-LABELS = {"dead_reckoning": "dead reckoning", "estimate": "RBPF", "ground_truth": "ground truth"}
-COLOURS = {"dead_reckoning": "#D55E00", "estimate": "#0072B2", "ground_truth": "#000000"}
-START_COLOUR, CLOSURE_COLOUR, RESAMPLING_COLOUR = "#009E73", "#333333", "#CC79A7"
+LABELS = {
+    "dead_reckoning": "dead reckoning",
+    "online": "RBPF online",
+    "estimate": "RBPF",
+    "ground_truth": "ground truth",
+}
+COLOURS = {
+    "dead_reckoning": "#D55E00",
+    "online": "#56B4E9",
+    "estimate": "#0072B2",
+    "ground_truth": "#000000",
+}
+START_COLOUR, PROMPT_COLOUR, RESAMPLING_COLOUR = "#009E73", "#333333", "#CC79A7"
 # Okabe and Ito's, the darker ones first, without the yellow that paper swallows.
 CURVE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 UNKNOWN_COLOUR, VEHICLE_COLOUR = "#e3e6e9", "#D55E00"
@@ -69,6 +80,8 @@ DEPTH_MAP = field_colour_map("deep_r", "viridis")
 SPREAD_MAP = field_colour_map("matter", "cividis")
 ERROR_MAP = field_colour_map("amp", "cividis")
 DIFFERENCE_MAP = field_colour_map("balance", "PuOr")
+# Of lines: without the palest third, which the ground swallows.
+LINE_MAP = ListedColormap(field_colour_map("dense", "plasma_r")(np.linspace(0.35, 1, 256)))
 
 _MAX_CELLS = 2000  # along an axis; a finer grid than the picture's pixels is only slow
 _MAX_HEIGHT_IN = 11.5
@@ -186,8 +199,11 @@ def hill_shade(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     return np.stack([white, white, white, opacity], axis=-1)
 
 
-def colour_bar(image: AxesImage, label: str) -> None:
-    """Add a slim colour bar beside the image's axes, as high as these, pointed where cut off."""
+def colour_bar(image: AxesImage | LineCollection, label: str) -> None:
+    """Add a slim colour bar beside the image's axes, as high as these, pointed where cut off.
+
+    image: or lines that are coloured by values, a masked array.
+    """
     axes, figure = image.axes, image.axes.figure
     low, high = image.get_clim()
     values = image.get_array().compressed()

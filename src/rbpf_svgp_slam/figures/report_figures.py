@@ -8,7 +8,13 @@ from collections.abc import Iterator
 import matplotlib
 from matplotlib.figure import Figure
 
-from rbpf_svgp_slam.figures import map_figures, time_lapse_figures, track_figures, training_figures
+from rbpf_svgp_slam.figures import (
+    closure_figures,
+    map_figures,
+    time_lapse_figures,
+    track_figures,
+    training_figures,
+)
 from rbpf_svgp_slam.figures.figure_style import STYLE
 from rbpf_svgp_slam.metrics.evaluation import Evaluation
 from rbpf_svgp_slam.run.survey_run import SurveyRun
@@ -16,6 +22,7 @@ from rbpf_svgp_slam.run.survey_run import SurveyRun
 _FIGURES = (
     track_figures.trajectories,
     track_figures.position_errors,
+    closure_figures.loop_closures,
     map_figures.raw_bathymetry,
     map_figures.seabed,
     map_figures.posterior,

@@ -85,7 +85,9 @@ def position_errors(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     figure = Figure(figsize=(style.WIDTH_IN, 5.9))
     panels = figure.subplots(3, 1, sharex=True)
     minutes = style.minutes_since_start(run, run.stamp_s)
-    for name in ("dead_reckoning", "estimate"):
+    for name in ("dead_reckoning", "online", "estimate"):
+        if getattr(run, name) is None:
+            continue
         error = position_error(getattr(run, name), truth)
         line = {"color": style.COLOURS[name], "label": style.LABELS[name]}
         panels[0].plot(minutes, np.linalg.norm(error, axis=1), **line)
@@ -100,8 +102,9 @@ def position_errors(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     figure.align_ylabels()
     return figure, (
         "Position error against ground truth over time: the 3-D distance, and its components in "
-        "x and y with the spread of the particles' histories (±2σ), which is nothing where all of "
-        "them descend from one particle. Ticks: loop closures, prompts that changed the weights; "
+        "x and y with what the estimates say of their own errors (±2σ about zero), which is "
+        "nothing where all particles descend from one. RBPF online: the estimate when a ping came; "
+        "RBPF: as the whole survey has it. Ticks: loop-closure prompts that changed the weights; "
         "vertical lines: resamplings."
     )
 
@@ -121,18 +124,18 @@ def event_minutes(run: SurveyRun, counter: str) -> np.ndarray:
 
 
 def _mark_events(run: SurveyRun, panels: Sequence[Axes]) -> None:
-    """Mark resamplings through all panels and loop closures along the foot of each."""
-    closures = event_minutes(run, "loop_closure_prompts")
+    """Mark resamplings through all panels and prompts along the foot of each."""
+    prompts = event_minutes(run, "loop_closure_prompts")
     ticks = {"linestyle": "", "marker": "|", "markersize": 6, "markeredgewidth": 0.6}
     for axes in panels:
         _mark_resamplings(run, axes)
-        if len(closures):
+        if len(prompts):
             above_foot = ScaledTranslation(0, 4 / 72, axes.figure.dpi_scale_trans)
             axes.plot(
-                closures,
-                np.zeros(len(closures)),
-                color=style.CLOSURE_COLOUR,
-                label="loop closures",
+                prompts,
+                np.zeros(len(prompts)),
+                color=style.PROMPT_COLOUR,
+                label="prompts",
                 transform=axes.get_xaxis_transform() + above_foot,
                 **ticks,
             )
@@ -151,15 +154,16 @@ def _mark_resamplings(run: SurveyRun, axes: Axes) -> None:
 
 
 def _draw_spread(run: SurveyRun, panels: Sequence[Axes], minutes: np.ndarray) -> None:
-    """Draw ±2σ about zero into the panels of x and y."""
-    for axes, axis in zip(panels, range(2)):
+    """Draw both estimates' ±2σ about zero into the panels of x and y."""
+    covariances = {"online": run.online_covariance, "estimate": run.estimate_covariance}
+    for axes, variance in zip(panels, (0, 3)):  # xx and yy in a row
         axes.axhline(0, color="#555555", linewidth=0.7)
-        if run.estimate_std_m is not None:
-            band = 2 * run.estimate_std_m[:, axis]
-            colour = style.COLOURS["estimate"]
-            axes.fill_between(
-                minutes, -band, band, color=colour, alpha=0.18, lw=0, label="±2σ of particles"
-            )
+        for name, covariance in covariances.items():
+            if covariance is None:
+                continue
+            band = 2 * np.sqrt(np.maximum(covariance[:, variance], 0))
+            fill = {"color": style.COLOURS[name], "alpha": 0.22, "lw": 0}
+            axes.fill_between(minutes, -band, band, label=f"±2σ, {style.LABELS[name]}", **fill)
 
 
 def _corrections(run: SurveyRun) -> Drawn:
@@ -167,9 +171,14 @@ def _corrections(run: SurveyRun) -> Drawn:
     figure = Figure(figsize=(style.WIDTH_IN, 4.0))
     panels = figure.subplots(2, 1, sharex=True)
     minutes = style.minutes_since_start(run, run.stamp_s)
-    shift = position_error(run.estimate, run.dead_reckoning)
-    for axes, component, label in zip(panels, shift.T, "xy"):
-        axes.plot(minutes, component, color=style.COLOURS["estimate"], label="correction")
+    for name in ("online", "estimate"):
+        if getattr(run, name) is None:
+            continue
+        line = {"color": style.COLOURS[name], "label": style.LABELS[name]}
+        shift = position_error(getattr(run, name), run.dead_reckoning)
+        for axes, component in zip(panels, shift.T):
+            axes.plot(minutes, component, **line)
+    for axes, label in zip(panels, "xy"):
         axes.set(ylabel=f"correction in {label} (m)")
     _draw_spread(run, panels, minutes)
     _mark_events(run, panels)
@@ -177,9 +186,9 @@ def _corrections(run: SurveyRun) -> Drawn:
     panels[0].legend(**style.LEGEND_ABOVE)
     panels[1].set(xlabel="time (min)")
     return figure, (
-        "RBPF minus dead reckoning over time, with the spread of the particles (±2σ about zero), "
-        "loop closures (ticks) and resamplings (vertical lines); errors are unknown without ground "
-        "truth."
+        "RBPF minus dead reckoning over time, online and as the whole survey has it, with what the "
+        "estimates say of their own errors (±2σ about zero), loop-closure prompts (ticks) and "
+        "resamplings (vertical lines); errors are unknown without ground truth."
     )
 
 

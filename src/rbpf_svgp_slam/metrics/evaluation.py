@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from rbpf_svgp_slam.metrics.closure_metrics import closure_metrics
 from rbpf_svgp_slam.metrics.consistency import (
     Consistency,
     ConsistencySettings,
@@ -23,6 +24,7 @@ from rbpf_svgp_slam.metrics.map_metrics import (
     terrain_at,
 )
 from rbpf_svgp_slam.metrics.metric_names import SEABED_METRICS
+from rbpf_svgp_slam.metrics.normalised_errors import nees
 from rbpf_svgp_slam.metrics.trajectory_errors import (
     ate_aligned_rmse,
     ate_rmse,
@@ -110,6 +112,7 @@ def _trajectory_metrics(run: SurveyRun, notes: list[str]) -> dict[str, Any]:
         notes.append("no ground truth: the errors of the trajectories are unknown")
         truth = np.full((len(run.stamp_s), 6), np.nan)
     known = np.isfinite(truth[:, :3]).all(axis=1)
+    online = np.full_like(run.estimate, np.nan) if run.online is None else run.online
     if known.any() and not known.all():
         notes.append(
             f"ground truth covers {known.sum()} of {len(known)} pings; errors are on these"
@@ -119,16 +122,28 @@ def _trajectory_metrics(run: SurveyRun, notes: list[str]) -> dict[str, Any]:
     frames = rpe_frames(run.stamp_s, _RPE_DELTA_S)
     return {
         "ate_rmse_m": ate,
+        "online_ate_rmse_m": ate_rmse(online, truth),
         "dr_ate_rmse_m": dr_ate,
         "ate_ratio": _ratio(ate, dr_ate),
         "ate_aligned_rmse_m": ate_aligned_rmse(run.estimate, truth),
+        "online_ate_aligned_rmse_m": ate_aligned_rmse(online, truth),
         "dr_ate_aligned_rmse_m": ate_aligned_rmse(run.dead_reckoning, truth),
         "final_error_m": final_error(run.estimate, truth),
         "dr_final_error_m": final_error(run.dead_reckoning, truth),
         "rpe_rmse_m": rpe_rmse(run.estimate, truth, frames),
         "dr_rpe_rmse_m": rpe_rmse(run.dead_reckoning, truth, frames),
         "rpe_delta_s": _RPE_DELTA_S,
+        **_nees("nees", run.estimate, run.estimate_covariance, truth),
+        **_nees("online_nees", online, run.online_covariance, truth),
+        **closure_metrics(run.closures, run.stamp_s, truth, notes),
     }
+
+
+def _nees(
+    name: str, poses: np.ndarray, covariance: np.ndarray | None, truth: np.ndarray
+) -> dict[str, Any]:
+    mean, skipped = (None, None) if covariance is None else nees(poses, covariance, truth)
+    return {name: mean, f"{name}_skipped": skipped}
 
 
 def _score_maps(

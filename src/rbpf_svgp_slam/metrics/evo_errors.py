@@ -26,10 +26,14 @@ def evo_errors(run: SurveyRun, rpe_delta_s: float) -> dict[str, Any]:
 
     errors: dict[str, Any] = {"version": evo.__version__.lstrip("v")}
     frames = rpe_frames(run.stamp_s, rpe_delta_s)
-    for prefix, poses in (("", run.estimate), ("dr_", run.dead_reckoning)):
+    tracks = {"": run.estimate, "dr_": run.dead_reckoning, "online_": run.online}
+    for prefix, poses in tracks.items():
+        if poses is None:
+            continue
         ate = _rmse(metrics.APE(metrics.PoseRelation.translation_part), run, poses)
         rpe = None
-        if frames is not None and frames < len(poses):
+        # The online estimate's steps at resamplings are no drift: it has no RPE.
+        if prefix != "online_" and frames is not None and frames < len(poses):
             unit = metrics.Unit.frames
             relation = metrics.PoseRelation.translation_part
             rpe = _rmse(metrics.RPE(relation, frames, unit, all_pairs=True), run, poses)

@@ -10,8 +10,14 @@ FROM_DATA = tuple(COUNTERS[:3])
 
 #: Computed from the trajectories alone.
 TRAJECTORY_METRICS = (
-    "ate_rmse_m dr_ate_rmse_m ate_ratio ate_aligned_rmse_m dr_ate_aligned_rmse_m "
-    "final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s"
+    "ate_rmse_m online_ate_rmse_m dr_ate_rmse_m ate_ratio "
+    "ate_aligned_rmse_m online_ate_aligned_rmse_m dr_ate_aligned_rmse_m "
+    "final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s "
+    "nees nees_skipped online_nees online_nees_skipped"
+).split()
+#: Of the loop closures.
+CLOSURE_METRICS = (
+    "closures_accepted closures_wrong closures_wrong_share closure_error_median_m closure_nees"
 ).split()
 MAP_METRICS = (
     "map_rmse_m map_msll map_coverage grid_rmse_m grid_coverage map_rmse_on_grid_beams_m "
@@ -27,12 +33,19 @@ CONSISTENCY_METRICS = (
     "overlap_consistency_rmse_m dr_overlap_consistency_rmse_m "
     "ground_truth_overlap_consistency_rmse_m"
 ).split()
-METRICS = (*TRAJECTORY_METRICS, *MAP_METRICS, *SEABED_METRICS, *CONSISTENCY_METRICS)
+METRICS = (
+    *TRAJECTORY_METRICS,
+    *CLOSURE_METRICS,
+    *MAP_METRICS,
+    *SEABED_METRICS,
+    *CONSISTENCY_METRICS,
+)
 
 #: Errors of the filter and of its maps, of which the lowest is the best; not those of dead
 #: reckoning, of the ground truth or of the grid, which are what they are compared with.
 ERRORS = frozenset(
-    "ate_rmse_m ate_ratio ate_aligned_rmse_m final_error_m rpe_rmse_m map_rmse_m map_msll "
+    "ate_rmse_m online_ate_rmse_m ate_ratio ate_aligned_rmse_m online_ate_aligned_rmse_m "
+    "final_error_m rpe_rmse_m closures_wrong_share closure_error_median_m map_rmse_m map_msll "
     "map_rmse_on_grid_beams_m map_rmse_at_ground_truth_m terrain_rmse_m map_consistency_rmse_m "
     "seabed_rmse_m seabed_msll seabed_rmse_on_grid_beams_m seabed_terrain_rmse_m "
     "consistency_rmse_m overlap_consistency_rmse_m".split()

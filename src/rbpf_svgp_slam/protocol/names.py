@@ -9,6 +9,7 @@ FILTER_STATUS = f"{CORE}/status"
 GET_MINIBATCHES = f"{CORE}/get_minibatches"
 GET_BEAMS = f"{CORE}/get_beams"
 GET_PINGS = f"{CORE}/get_pings"
+GET_CLOSURES = f"{CORE}/get_closures"
 TAKE_TURN = f"{CORE}/take_turn"
 FINISH = f"{CORE}/finish"
 #: Topics of the best particle's map, published by its node.

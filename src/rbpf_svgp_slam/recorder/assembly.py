@@ -16,7 +16,7 @@ from rbpf_svgp_slam.recorder.map_sample import sampled_map_rmse
 from rbpf_svgp_slam.recorder.provenance import provenance
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import refusals
-from rbpf_svgp_slam.recorder.survey_client import fetch_map, fetch_survey
+from rbpf_svgp_slam.recorder.survey_client import fetch_closures, fetch_map, fetch_survey
 from rbpf_svgp_slam.run.run_files import engine_predictor, load_terrain
 from rbpf_svgp_slam.run.survey_run import GridMap, StoredMap, SurveyRun
 from rbpf_svgp_slam.run.tracks import write_tum
@@ -43,7 +43,10 @@ def assemble_run(recording: Recording, pings_lost: int, bag: str) -> SurveyRun:
     run = SurveyRun(
         stamp_s=survey.stamp_s,
         estimate=survey.estimate,
-        estimate_std_m=survey.estimate_std_m,
+        estimate_covariance=survey.estimate_covariance,
+        online=survey.online,
+        online_covariance=survey.online_covariance,
+        closures=fetch_closures(),
         dead_reckoning=survey.dead_reckoning,
         ground_truth=recording.ground_truth.at(survey.stamp_s),
         levelled=survey.levelled,
@@ -69,6 +72,7 @@ def _save_trajectories(out_dir: Path, survey: Any) -> None:
     """At once: a map that cannot be had must not cost the survey."""
     out_dir.mkdir(parents=True, exist_ok=True)
     write_tum(out_dir / "trajectory.tum", survey.stamp_s, survey.estimate)
+    write_tum(out_dir / "online.tum", survey.stamp_s, survey.online)
     write_tum(out_dir / "dead_reckoning.tum", survey.stamp_s, survey.dead_reckoning)
 
 

@@ -9,7 +9,8 @@ import rospy
 
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.shares import owner
-from rbpf_svgp_slam.srv import GetMaps, GetPings
+from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.srv import GetClosures, GetMaps, GetPings
 
 PINGS_A_CALL = 1000
 
@@ -23,7 +24,9 @@ class Survey:
 
     stamp_s: np.ndarray  # [P]
     estimate: np.ndarray  # [P, 6]
-    estimate_std_m: np.ndarray  # [P, 2]
+    estimate_covariance: np.ndarray  # [P, 6] xx, xy, x yaw, yy, y yaw, yaw yaw
+    online: np.ndarray  # [P, 6] the estimate when the ping was taken in
+    online_covariance: np.ndarray  # [P, 6]
     dead_reckoning: np.ndarray  # [P, 6]
     held_out: np.ndarray  # [P] bool
     ping_of_beam: np.ndarray  # [N]
@@ -50,12 +53,29 @@ def fetch_survey() -> Survey:
     return Survey(
         stamp_s=joined("stamps", "<f8", 1)[:, 0],
         estimate=joined("estimate", "<f8", 6),
-        estimate_std_m=joined("estimate_std", "<f8", 2),
+        estimate_covariance=joined("estimate_covariance", "<f8", 6),
+        online=joined("online", "<f8", 6),
+        online_covariance=joined("online_covariance", "<f8", 6),
         dead_reckoning=joined("dead_reckoning", "<f8", 6),
         held_out=np.concatenate([np.asarray(p.held_out, dtype=bool) for p in pieces]),
         ping_of_beam=np.repeat(np.arange(len(beams_per_ping)), beams_per_ping),
         levelled=joined("beams", "<f4", 3).astype(float),
     )
+
+
+def fetch_closures() -> Closures:
+    """The loop closures; none from a core that has no such service.
+
+    Raises RuntimeError if the core refuses.
+    """
+    try:
+        answer = rospy.ServiceProxy(names.GET_CLOSURES, GetClosures)()
+    except rospy.ServiceException as error:
+        rospy.logwarn("No loop closures in the report: %s", error)
+        return Closures.of([])
+    if not answer.success:
+        raise RuntimeError(f"{names.GET_CLOSURES} refused: {answer.message}")
+    return Closures.of(answer.closures)
 
 
 def fetch_map(particle: int, epoch: int, particles: int, nodes: int) -> bytes:

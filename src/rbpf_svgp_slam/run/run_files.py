@@ -1,8 +1,9 @@
 """The files of a run folder, from which every figure and metric can be made again.
 
-trajectory.tum, dead_reckoning.tum, ground_truth.tum: the pings' poses; map.npz: the map on its
-grid, and the engine's own state; survey.npz: the pings' beams; history.npz: the filter's status
-over time; time_lapse.npz: one particle's map as it grew; parameters.yaml: the full parameter set.
+trajectory.tum, online.tum, dead_reckoning.tum, ground_truth.tum: the pings' poses; map.npz: the map
+on its grid, and the engine's own state; survey.npz: the pings' beams, and the covariances of the
+first two; closures.npz: the loop closures; history.npz: the filter's status over time;
+time_lapse.npz: one particle's map as it grew; parameters.yaml: the full parameter set.
 report.json, report.html, seabed.npz and time_lapse.gif are made of these; what only the running
 system knew stands in report.json alone.
 """
@@ -10,6 +11,7 @@ system knew stands in report.json alone.
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,13 @@ import yaml
 from scipy.interpolate import RegularGridInterpolator
 
 from rbpf_svgp_slam.npz import READING_ERRORS
+from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.run.survey_run import GridMap, Predict, StoredMap, SurveyRun, TimeLapse
 from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum, write_tum
 
 # Array of map.npz, which has its name from the engine that was the first.
 _SUPPORT_POINTS = "inducing_points"
+_COVARIANCES = ("estimate_covariance", "online_covariance")
 _TIME_LAPSE = ("t_s", "x", "y", "mean")
 _STAMP_TOLERANCE_S = 1e-6  # TUM files hold nine decimals, doubles of today's stamps seven
 
@@ -37,19 +41,22 @@ def save_run(run: SurveyRun, out_dir: Path) -> None:
     write_tum(out_dir / "trajectory.tum", run.stamp_s, run.estimate)
     write_tum(out_dir / "dead_reckoning.tum", run.stamp_s, run.dead_reckoning)
     # What an earlier run has left must not stay beside a run that has none.
-    for name in ("ground_truth.tum", "time_lapse.npz"):
+    for name in ("online.tum", "ground_truth.tum", "closures.npz", "time_lapse.npz"):
         (out_dir / name).unlink(missing_ok=True)
-    if run.ground_truth is not None:
-        write_tum(out_dir / "ground_truth.tum", run.stamp_s, run.ground_truth)
+    for name in ("online", "ground_truth"):
+        if getattr(run, name) is not None:
+            write_tum(out_dir / f"{name}.tum", run.stamp_s, getattr(run, name))
     _save_map(run, out_dir / "map.npz")
-    spread = {} if run.estimate_std_m is None else {"estimate_std_m": run.estimate_std_m}
+    if run.closures is not None:
+        np.savez_compressed(out_dir / "closures.npz", **vars(run.closures))
+    covariances = {name: getattr(run, name) for name in _COVARIANCES}
     np.savez_compressed(
         out_dir / "survey.npz",
         stamp_s=run.stamp_s,
         held_out=run.held_out,
         beams_per_ping=np.bincount(run.ping_of_beam, minlength=len(run.stamp_s)),
         levelled=run.levelled.astype(np.float32),
-        **spread,
+        **{name: values for name, values in covariances.items() if values is not None},
     )
     np.savez_compressed(out_dir / "history.npz", **run.status_history)
     if run.time_lapse is not None:
@@ -92,13 +99,15 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
     grid, predict, extras = _load_map(out_dir / "map.npz")
     statistics = _statistics(out_dir)
     path = terrain or statistics.get("terrain")
-    truth = out_dir / "ground_truth.tum"
+    optional = {}
+    for name in ("online", "ground_truth"):
+        path_of = out_dir / f"{name}.tum"
+        optional[name] = _poses(path_of, stamp_s) if path_of.is_file() else None
     return SurveyRun(
         stamp_s=stamp_s,
         estimate=_poses(out_dir / "trajectory.tum", stamp_s),
-        estimate_std_m=survey.get("estimate_std_m"),
         dead_reckoning=_poses(out_dir / "dead_reckoning.tum", stamp_s),
-        ground_truth=_poses(truth, stamp_s) if truth.is_file() else None,
+        closures=_load_closures(out_dir / "closures.npz"),
         levelled=survey["levelled"].astype(float),
         ping_of_beam=np.repeat(np.arange(len(stamp_s)), survey["beams_per_ping"]),
         held_out=survey["held_out"].astype(bool),
@@ -109,6 +118,8 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
         status_history=_load_npz(out_dir / "history.npz", optional=True),
         time_lapse=_load_time_lapse(out_dir / "time_lapse.npz"),
         config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
+        **{name: survey.get(name) for name in _COVARIANCES},
+        **optional,
         **extras,
     )
 
@@ -121,17 +132,27 @@ def _load_time_lapse(path: Path) -> TimeLapse | None:
     return TimeLapse(**{name: arrays[name] for name in _TIME_LAPSE})
 
 
+def _load_closures(path: Path) -> Closures | None:
+    """None if there is no such file: a run of another program, or from before there were any."""
+    if not path.is_file():
+        return None
+    names = [field.name for field in fields(Closures)]
+    arrays = _load_npz(path, tuple(names))
+    return Closures(**{name: arrays[name] for name in names})
+
+
 def load_tracks(out_dir: str | Path) -> SurveyRun:
     """The trajectories alone of a folder, for one that holds no survey: a run without beams or map.
 
-    trajectory.tum must be there, and its poses stand for the pings. Dead reckoning and the ground
-    truth, NaN and None where there is no such file, are interpolated to their stamps, since they
-    come at rates of their own. Raises RunFolderError or ValueError at what is missing or damaged.
+    trajectory.tum must be there, and its poses stand for the pings. Dead reckoning, the online
+    estimate and the ground truth, NaN, None and None where there is no such file, are interpolated
+    to their stamps, since they come at rates of their own. Raises RunFolderError or ValueError at
+    what is missing or damaged.
     """
     out_dir = Path(out_dir)
     stamp_s, estimate = _track(out_dir / "trajectory.tum")
     others = {}
-    for name in ("dead_reckoning", "ground_truth"):
+    for name in ("dead_reckoning", "online", "ground_truth"):
         path = out_dir / f"{name}.tum"
         others[name] = interpolate_poses(*_track(path), stamp_s) if path.is_file() else None
     if others["dead_reckoning"] is None:

@@ -9,6 +9,7 @@ from typing import Any, Callable
 import numpy as np
 
 from rbpf_svgp_slam.gmrf.survey_map import SurveyMap
+from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.survey_area.grid import grid_points
 
 Predict = Callable[[np.ndarray], "tuple[np.ndarray, np.ndarray]"]
@@ -63,7 +64,7 @@ class SurveyRun:
     """One run of the filter over one survey. Poses: [x y z roll pitch yaw], m, rad, map frame."""
 
     stamp_s: np.ndarray  # [P] ping stamps
-    estimate: np.ndarray  # [P, 6] weighted mean of the particles' histories
+    estimate: np.ndarray  # [P, 6] as all of the survey has it: the final one
     dead_reckoning: np.ndarray  # [P, 6]
     levelled: np.ndarray  # [N, 3] beams: x, y in the levelled body frame, z in map, m
     ping_of_beam: np.ndarray  # [N] index into the pings
@@ -73,7 +74,11 @@ class SurveyRun:
     noise_variance_m2: float  # the map's learned σ²
     support_points: np.ndarray  # [S, 3] x, y, predicted z: where the map spends its memory
     stored_map: StoredMap | None = None  # what `predict` asks
-    estimate_std_m: np.ndarray | None = None  # [P, 2] spread of the particles in x, y
+    # Covariances: xx, xy, x yaw, yy, y yaw, yaw yaw.
+    estimate_covariance: np.ndarray | None = None  # [P, 6]
+    online: np.ndarray | None = None  # [P, 6] the estimate when each ping was taken in
+    online_covariance: np.ndarray | None = None  # [P, 6]
+    closures: Closures | None = None  # loop closures, if the run has recorded them
     ground_truth: np.ndarray | None = None  # [P, 6], NaN rows where not covered
     terrain: GridMap | None = None  # the true seabed, if it was simulated
     statistics: dict[str, Any] = field(default_factory=dict)  # counters, go into report.json
@@ -87,7 +92,9 @@ class SurveyRun:
         expected = {
             "stamp_s": (pings,),
             "estimate": (pings, 6),
-            "estimate_std_m": (pings, 2),
+            "estimate_covariance": (pings, 6),
+            "online": (pings, 6),
+            "online_covariance": (pings, 6),
             "dead_reckoning": (pings, 6),
             "ground_truth": (pings, 6),
             "levelled": (beams, 3),
