@@ -123,7 +123,7 @@ class FilterSnapshot {
   const RefusalCounts& refused() const { return *refused_; }
   const OdometryUse& odometryUse() const { return odometry_use_; }
 
-  // Corrections of the past that the histories have gone through.
+  // Corrections of the past that the histories have gone through, and that maps are to follow.
   std::uint32_t past() const { return past_; }
   // What is taken off the odometry for the particles' motion.
   MotionBias bias() const { return bias_; }

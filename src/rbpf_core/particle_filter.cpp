@@ -347,7 +347,7 @@ void ParticleFilter::correctPast(const PastCorrection& correction) {
         histories_.commitCorrection(std::move(prepared));
         bias_ = correction.bias;
         common_error_ = correction.common_error;
-        ++past_;
+        if (correction.maps_follow) ++past_;
       });
 }
 

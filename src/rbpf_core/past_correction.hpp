@@ -38,6 +38,8 @@ struct PastCorrection {
   MotionBias bias;
   // At the end, after the correction.
   CommonError common_error;
+  // Whether maps are to follow, or may stay as they are: `past` is counted only if they are to.
+  bool maps_follow = true;
 };
 
 // Throws std::invalid_argument that names what is not finite.

@@ -75,7 +75,7 @@ std::optional<PastCorrection> PastSmoothing::smooth(bool is_over) {
     result.covariances.clear();
     for (const std::size_t ping : stands_for_) result.covariances.push_back(of_pings[ping]);
   }
-  auto correction = this->correction(snapshot, &result);
+  auto correction = this->correction(snapshot, is_over, &result);
   result.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const std::lock_guard lock(mutex_);
   result_ = std::make_shared<const SmoothedPast>(std::move(result));
@@ -100,7 +100,7 @@ void PastSmoothing::takePings(const FilterSnapshot& snapshot) {
 
 // C(t) = X~(t) X(t)^-1, X the mean of the histories.
 std::optional<PastCorrection> PastSmoothing::correction(const FilterSnapshot& snapshot,
-                                                        SmoothedPast* result) {
+                                                        bool is_over, SmoothedPast* result) {
   if (!smoother_->hasClosures()) return std::nullopt;
   const Eigen::ArrayXd weights = snapshot.logWeights().exp();
   const std::vector<Pose2> smoothed = smoother_->posesOfPings();
@@ -120,8 +120,12 @@ std::optional<PastCorrection> PastSmoothing::correction(const FilterSnapshot& sn
     const double dy = to.y_m - past.mean.y_m;
     change2 = std::max(change2, dx * dx + dy * dy);
   }
-  if (std::sqrt(change2) < params_.min_change_m) return std::nullopt;
-  result->largest_change_m = std::sqrt(change2);
+  const double change_m = std::sqrt(change2);
+  if (change_m < params_.min_change_m && not_followed_m_ == 0.0) return std::nullopt;
+  result->largest_change_m = change_m;
+  not_followed_m_ += change_m;
+  correction.maps_follow = is_over || not_followed_m_ > params_.map_tolerance_m;
+  if (correction.maps_follow) not_followed_m_ = 0.0;
   correction.of_rest = correction.of_ping.back();
   correction.bias = smoother_->graph().bias();
   const std::size_t last = smoother_->graph().size() - 1;

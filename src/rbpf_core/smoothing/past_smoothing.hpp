@@ -18,6 +18,8 @@ struct PastSmoothingParams {
   double period_s = 30.0;
   // A correction that moves no ping by more than this is not made, m.
   double min_change_m = 0.05;
+  // Maps follow once the histories may have moved by more than this since they last did, m.
+  double map_tolerance_m = 0.2;
   SmoothingParams smoothing;
 };
 
@@ -56,7 +58,8 @@ class PastSmoothing {
  private:
   std::optional<PastCorrection> smooth(bool is_over);
   void takePings(const FilterSnapshot& snapshot);
-  std::optional<PastCorrection> correction(const FilterSnapshot& snapshot, SmoothedPast* result);
+  std::optional<PastCorrection> correction(const FilterSnapshot& snapshot, bool is_over,
+                                           SmoothedPast* result);
 
   const ParticleFilter& filter_;
   const PastSmoothingParams params_;
@@ -66,6 +69,8 @@ class PastSmoothing {
   // it: pings that come late, after younger ones, move with those.
   std::size_t taken_ = 0;
   std::vector<std::size_t> stands_for_;
+  // By how much histories may have moved since maps last followed, m.
+  double not_followed_m_ = 0.0;
 
   mutable std::mutex mutex_;  // guards what follows
   double last_s_;
