@@ -75,7 +75,8 @@ class Registrar {
   Registration run() const {
     Registration result;
     result.found = expected_;
-    if (beams_.cols() < kLeastBeams) return result;
+    const bool empty = map_.spacing_m() == 0.0;
+    if (empty || beams_.cols() < kLeastBeams) return result;
     std::vector<Place> places;
     for (const Pose2& start : starts()) {
       if (const auto place = refine(start)) places.push_back(*place);
