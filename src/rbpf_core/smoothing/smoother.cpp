@@ -35,6 +35,7 @@ Smoother::Smoother(const SmoothingParams& params, double stamp_s, const Pose2& s
 
 void Smoother::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m) {
   track_.addPing(stamp_s, dead_reckoning, levelled_m);
+  addNodes();
 }
 
 void Smoother::addNodes() {
@@ -46,7 +47,6 @@ void Smoother::addNodes() {
 }
 
 void Smoother::update() {
-  addNodes();
   // A window is complete when the nodes after it are there.
   std::size_t complete = track_.complete();
   const double last_s = track_.nodes().back().stamp_s;
