@@ -155,7 +155,7 @@ std::vector<std::size_t> Smoother::olderPasses(std::size_t j,
   };
   std::vector<Pass> passes;
   double last_near_s = -std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < j; ++k) {
+  for (std::size_t k = 1; k < j; ++k) {  // the start has no beams
     if (nodes[j].stamp_s - nodes[k].stamp_s < params_.registration.min_apart_s) break;
     const double near_m = kNear * (nodes[j].half_width_m + nodes[k].half_width_m);
     const double distance_m = std::hypot(poses[j].x_m - poses[k].x_m, poses[j].y_m - poses[k].y_m);
