@@ -75,6 +75,7 @@ void Smoother::registerAgain() {
   for (std::size_t j = 0; j < next_; j += kEvery) {
     registerNode(j, poses, [&]() -> const PoseGraph::Covariances& { return covariances; });
   }
+  if (pending_.empty()) graph_.solve();  // without any
   solve();
 }
 
