@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "rbpf_core/rigid.hpp"
 
@@ -26,10 +27,30 @@ constexpr Eigen::Index kStride = 3;
 // Covariances are computed at so many nodes, and interpolated.
 constexpr std::size_t kCovariances = 600;
 
+void expectPositive(const char* name, double value) {
+  if (std::isfinite(value) && value > 0.0) return;
+  throw std::invalid_argument(std::string("smoothing/") + name + " is " + std::to_string(value) +
+                              "; expected a finite number above 0");
+}
+
+const SmoothingParams& checked(const SmoothingParams& params) {
+  const RegistrationParams& registration = params.registration;
+  expectPositive("node_period_s", registration.node_period_s);
+  expectPositive("window_s", registration.window_s);
+  expectPositive("map_window_s", registration.map_window_s);
+  expectPositive("min_apart_s", registration.min_apart_s);
+  expectPositive("passes", registration.passes);
+  expectPositive("effective_beams", registration.effective_beams);
+  expectPositive("max_search_m", registration.max_search_m);
+  return params;
+}
+
 }  // namespace
 
 Smoother::Smoother(const SmoothingParams& params, double stamp_s, const Pose2& start)
-    : params_(params), track_(params.registration.node_period_s), graph_(params, stamp_s, start) {
+    : params_(checked(params)),
+      track_(params.registration.node_period_s),
+      graph_(params, stamp_s, start) {
   track_.addNode(stamp_s, start);
 }
 
