@@ -72,7 +72,8 @@ class FilterNode {
         filter_(params.filter),
         maps_(spinning->node(), params),
         loop_closing_(filter_, maps_, {0.0, params.loop_closure, {}}),
-        services_(own_, filter_, loop_closing_),
+        smoothing_(&filter_, params.smoothing, rbpf_node::Input::kLive, [] { return false; }),
+        services_(own_, filter_, loop_closing_, smoothing_),
         servers_{own_.advertiseService("grow", &FilterNode::grow, this),
                  own_.advertiseService("prompt", &FilterNode::prompt, this),
                  own_.advertiseService("resample", &FilterNode::resample, this)} {}
@@ -141,6 +142,7 @@ class FilterNode {
   rbpf_core::ParticleFilter filter_;
   rbpf_node::MapNodes maps_;
   rbpf_core::LoopClosing loop_closing_;
+  rbpf_node::SmoothingWorker smoothing_;  // never at work
   rbpf_node::Services services_;
   ros::ServiceServer servers_[3];
   rbpf_core::RandomStream stream_{1};

@@ -70,7 +70,8 @@ Estimate FilterSnapshot::estimate() const {
   estimate.stamp_s = particles_->odometry.stamp_s;
   estimate.attitude = particles_->odometry.attitude;
   estimate.mean = weightedMean(particles_->poses, weights);
-  estimate.covariance = weightedCovariance(particles_->poses, weights, estimate.mean);
+  estimate.covariance = weightedCovariance(particles_->poses, weights, estimate.mean) +
+                        common_error_.covarianceAt(estimate.mean);
   estimate.odometry = particles_->odometry.pose;
   estimate.dead_reckoning = particles_->dead_reckoning;
   return estimate;
@@ -87,6 +88,16 @@ std::vector<Pose2> FilterSnapshot::posesAt(PoseSlot slot) const {
   for (std::size_t j = 0; j < trajectories_->particles(); ++j)
     poses.push_back(trajectories_->at(j, slot).pose());
   return poses;
+}
+
+FilterSnapshot::Past FilterSnapshot::pastAt(std::size_t ping, const Eigen::ArrayXd& weights) const {
+  const PoseSlot slot = record(ping).slot;
+  if (trajectories_->areShared(slot)) {
+    return {trajectories_->at(0, slot).pose(), Eigen::Matrix3d::Zero()};
+  }
+  const std::vector<Pose2> poses = posesAt(slot);
+  const Pose2 mean = weightedMean(poses, weights);
+  return {mean, weightedCovariance(poses, weights, mean)};
 }
 
 Beams FilterSnapshot::beamsOf(const PingRecord& record) const {
@@ -117,9 +128,8 @@ std::vector<SurveyPing> FilterSnapshot::survey(std::size_t first, std::size_t co
   std::vector<SurveyPing> pings;
   for (std::size_t i = first; i < pings_ && pings.size() < count; i += stride) {
     const PingRecord& ping = record(i);
-    const std::vector<Pose2> poses = posesAt(ping.slot);
-    const Pose2 mean = weightedMean(poses, weights);
-    pings.push_back({ping, mean, weightedCovariance(poses, weights, mean), beamsOf(ping)});
+    const auto [mean, spread] = pastAt(i, weights);
+    pings.push_back({ping, mean, spread, beamsOf(ping)});
   }
   return pings;
 }

@@ -100,6 +100,7 @@ class FilterSnapshot {
   LogBlock logBlock(const std::vector<std::uint32_t>& particles, std::size_t first,
                     std::size_t size) const;
 
+  // Its covariance is the particles' spread and what they may be off by alike.
   Estimate estimate() const;
   std::vector<Pose2> particles() const;
   Eigen::ArrayXd logWeights() const { return *log_weights_; }  // [J], normalised
@@ -126,12 +127,25 @@ class FilterSnapshot {
   std::uint32_t past() const { return past_; }
   // What is taken off the odometry for the particles' motion.
   MotionBias bias() const { return bias_; }
+  // Of the first odometry message, and where the vehicle was then. None before it.
+  struct Start {
+    double stamp_s;
+    Pose2 pose;
+  };
+  const std::optional<Start>& start() const { return start_; }
+  // Weighted mean of the particles' histories at a ping, and their spread.
+  struct Past {
+    Pose2 mean;
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  };
+  Past pastAt(std::size_t ping, const Eigen::ArrayXd& weights) const;
+  // In the levelled body frame, as logged.
+  Beams beamsOf(const PingRecord& record) const;
 
  private:
   friend class ParticleFilter;
 
   std::vector<Pose2> posesAt(PoseSlot slot) const;
-  Beams beamsOf(const PingRecord& record) const;
 
   const FilterParams* params_ = nullptr;
   const SurveyLog* log_ = nullptr;
@@ -150,6 +164,8 @@ class FilterSnapshot {
   OdometryUse odometry_use_;
   std::uint32_t past_ = 0;
   MotionBias bias_;
+  CommonError common_error_;
+  std::optional<Start> start_;
 };
 
 // Mean and spread of weighted poses; the yaw's mean is taken on the circle.

@@ -66,6 +66,7 @@ void ParticleFilter::addOdometry(const Odometry& odometry) {
   expectUsable(odometry);
   if (recent_.empty()) {
     odometry_use_.start(odometry);
+    start_ = {odometry.stamp_s, params_.start_pose.value_or(odometry.pose)};
     recent_.push_back(std::make_shared<const StampedParticles>(startAt(odometry)));
   } else {
     recent_.push_back(
@@ -225,9 +226,10 @@ void ParticleFilter::takeIn(const Ping& ping) {
   const Eigen::ArrayXd w = weights();
   const Pose2 online = weightedMean(particles.poses, w);
   const PoseSlot slot = histories_.append(particles.poses);
-  log_.pings.push_back({ping.stamp_s, attitude, particles.dead_reckoning, online,
-                        weightedCovariance(particles.poses, w, online), slot, beam_log.size(),
-                        static_cast<std::uint32_t>(beams.cols()), held_out});
+  log_.pings.push_back(
+      {ping.stamp_s, attitude, particles.dead_reckoning, online,
+       weightedCovariance(particles.poses, w, online) + common_error_.covarianceAt(online), slot,
+       beam_log.size(), static_cast<std::uint32_t>(beams.cols()), held_out});
   beam_log.append(slot, beams);
   releaseHeldBack();
 }
@@ -344,6 +346,7 @@ void ParticleFilter::correctPast(const PastCorrection& correction) {
       [&](TrajectoryHistories::PreparedCorrection prepared, WriterLock*) {
         histories_.commitCorrection(std::move(prepared));
         bias_ = correction.bias;
+        common_error_ = correction.common_error;
         ++past_;
       });
 }
@@ -395,6 +398,8 @@ void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_l
   published_.odometry_use_ = odometry_use_;
   published_.past_ = past_;
   published_.bias_ = bias_;
+  published_.common_error_ = common_error_;
+  published_.start_ = start_;
 }
 
 FilterSnapshot ParticleFilter::snapshot() const {

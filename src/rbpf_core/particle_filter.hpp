@@ -117,6 +117,8 @@ class ParticleFilter {
   // Corrections of the past committed, and what the last one has said of the odometry.
   std::uint32_t past_ = 0;
   MotionBias bias_;
+  CommonError common_error_;
+  std::optional<FilterSnapshot::Start> start_;
   // Pings old enough to be drawn, and the beams of those in the training log.
   std::size_t released_pings_ = 0;
   std::size_t released_beams_ = 0;

@@ -1,6 +1,7 @@
 // What a smoother has found out about the past, for the particles and their histories.
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "rbpf_core/rigid.hpp"
@@ -16,6 +17,17 @@ struct MotionBias {
   double yaw_radps = 0.0;
 };
 
+// What all particles may be off by alike, beyond what their spread shows.
+struct CommonError {
+  // The pose that it is known at.
+  Pose2 at;
+  // Of x, y, yaw.
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+
+  // The same at another pose: an error in yaw moves what is far away.
+  Eigen::Matrix3d covarianceAt(const Pose2& pose) const;
+};
+
 // Rigid motions of the map frame, which take a pose h to C h, and what is known of the odometry.
 struct PastCorrection {
   // One for each of the log's pings 0 .. n-1, in every particle's history.
@@ -24,6 +36,8 @@ struct PastCorrection {
   Pose2 of_rest;
   // Taken off the odometry's increments from now on; replaces the bias before it.
   MotionBias bias;
+  // At the end, after the correction.
+  CommonError common_error;
 };
 
 // Throws std::invalid_argument that names what is not finite.

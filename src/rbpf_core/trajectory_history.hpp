@@ -66,6 +66,15 @@ class Trajectories {
     return segments_[segment]->poses[slot % Segment::kPoses];
   }
 
+  // Whether all particles have the same segment there: a resampling's last common ancestor.
+  bool areShared(PoseSlot slot) const {
+    const std::size_t number = slot / Segment::kPoses;
+    for (std::size_t j = 1; j < particles_; ++j) {
+      if (segments_[j * capacity_ + number] != segments_[number]) return false;
+    }
+    return true;
+  }
+
   std::size_t particles() const { return particles_; }
 
  private:

@@ -2,6 +2,7 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "rbpf_core/resampling.hpp"
@@ -32,7 +33,9 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
       filter_(params.filter),
       maps_(node, params),
       loop_closing_(filter_, maps_, loopClosingParams(params)),
-      services_(private_node, filter_, loop_closing_),
+      input_(input),
+      smoothing_(&filter_, params.smoothing, input, [this] { return haveMapsFollowed(); }),
+      services_(private_node, filter_, loop_closing_, smoothing_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()),
       intake_(params, input, transforms_, &filter_) {
@@ -61,7 +64,9 @@ void SlamNode::handle(PingInput input, double receipt_s) {
 }
 
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  intake_.finish();
+  finish();
+  // Offline there is nobody to wait for: the replay itself sees to the end.
+  if (input_ == Input::kLive) smoothing_.awaitLast([] { return !ros::ok(); });
   response.success = true;
   const rbpf_core::FilterSnapshot filter = filter_.snapshot();
   response.message =
@@ -69,10 +74,23 @@ bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
   return true;
 }
 
+void SlamNode::finish() {
+  intake_.finish();
+  smoothing_.finish();
+  if (input_ == Input::kBag) smoothing_.work();
+}
+
 // ---- loop closing --------------------------------------------------------------------------
+
+bool SlamNode::haveMapsFollowed() const {
+  const std::vector<std::uint32_t> pasts = maps_.state(loop_closing_.epoch()).pasts;
+  const std::uint32_t past = filter_.snapshot().past();
+  return std::all_of(pasts.begin(), pasts.end(), [&](std::uint32_t of) { return of == past; });
+}
 
 void SlamNode::closeLoops() {
   using rbpf_core::StepOutcome;
+  smoothing_.work();
   const auto [outcome, problem] = loop_closing_.step();
   if (problem.empty()) return;
   if (outcome == StepOutcome::kFailed) {
@@ -147,6 +165,12 @@ void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
   status->overlap = closures.overlap;
   status->prompt_s = closures.prompt_s;
   status->resampling_s = closures.resampling_s;
+  const auto smoothed = smoothing_.result();
+  status->closures = static_cast<std::uint32_t>(smoothed->accepted);
+  status->closures_refused =
+      static_cast<std::uint32_t>(smoothed->closures.size() - smoothed->accepted);
+  status->largest_correction_m = smoothed->largest_change_m;
+  status->smoothing_s = smoothed->seconds;
   status->maps_ready = static_cast<std::uint32_t>(maps.maps_ready);
   status->iterations = maps.steps;
   status->message = closures.message;
@@ -156,7 +180,8 @@ void SlamNode::publishOverview() {
   intake_.retryUnmounted();  // in case a mount has come since the last ping
   const rbpf_svgp_slam::FilterStatus now = status();
   publishers_.publishStatus(now);
-  if (now.odometry_messages > 0) publishers_.publishOverview(now.header.stamp);
+  if (now.odometry_messages > 0)
+    publishers_.publishOverview(now.header.stamp, *smoothing_.result());
   diagnostics_.update();
 }
 

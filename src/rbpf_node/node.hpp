@@ -13,6 +13,7 @@
 #include "rbpf_node/map_nodes.hpp"
 #include "rbpf_node/publishers.hpp"
 #include "rbpf_node/services.hpp"
+#include "rbpf_node/smoothing_worker.hpp"
 
 namespace rbpf_node {
 
@@ -26,9 +27,12 @@ class SlamNode {
   void handle(const OdometryInput& input, double receipt_s);
   void handle(PingInput input, double receipt_s);
 
-  // A step of Algorithm 2, if one is due; waits for the map nodes, and logs what goes wrong. To be
-  // called from one thread, as often as you like.
+  // A step of Algorithm 2, if one is due, and the smoothing of the past; waits for the map nodes,
+  // and logs what goes wrong. To be called from one thread, as often as you like.
   void closeLoops();
+
+  // The survey is over; from a bag, the past is smoothed once more before it returns.
+  void finish();
 
   Intake& intake() { return intake_; }
   tf2_ros::Buffer& transforms() { return transforms_; }
@@ -37,6 +41,7 @@ class SlamNode {
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
+  bool haveMapsFollowed() const;
   bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
@@ -52,6 +57,8 @@ class SlamNode {
   rbpf_core::ParticleFilter filter_;
   MapNodes maps_;
   rbpf_core::LoopClosing loop_closing_;
+  const Input input_;
+  SmoothingWorker smoothing_;
   Services services_;
   Publishers publishers_;
   tf2_ros::Buffer transforms_;

@@ -56,7 +56,7 @@ double OfflineReplay::run(const OfflineParameters& offline) {
     progress_.update(survey_s, [this] { return counts(); });
   }
   setMounts(mounts.changed, bag, &slam_.transforms());
-  slam_.intake().finish();
+  slam_.finish();
   const double wall_s = progress_.end(counts() + ", " + std::to_string(order.refused.total()) +
                                       " messages unreadable");
   trainFinally(survey_s);

@@ -113,6 +113,27 @@ rbpf_core::WeightingParams loopClosure(ParameterReader& reader) {
   return params;
 }
 
+rbpf_core::smoothing::PastSmoothingParams smoothing(ParameterReader& reader) {
+  rbpf_core::smoothing::PastSmoothingParams params;
+  params.period_s = reader.number("smoothing/period_s", 0.0, kUnlimited);
+  params.min_change_m = reader.number("smoothing/min_change_m", 0.0, kUnlimited);
+  rbpf_core::smoothing::SmoothingParams& smoothing = params.smoothing;
+  smoothing.velocity_bias_std_mps =
+      reader.number("smoothing/velocity_bias_std_mps", 0.0, kUnlimited);
+  smoothing.yaw_bias_std_radps = reader.number("smoothing/yaw_bias_std_radps", 0.0, kUnlimited);
+  smoothing.bias_time_s = reader.number("smoothing/bias_time_s", 1.0, kUnlimited);
+  rbpf_core::smoothing::RegistrationParams& registration = smoothing.registration;
+  registration.window_s = reader.number("smoothing/window_s", 1.0, kUnlimited);
+  registration.map_window_s =
+      reader.number("smoothing/map_window_s", registration.window_s, kUnlimited);
+  registration.min_apart_s =
+      reader.number("smoothing/min_apart_s", 2.0 * registration.map_window_s, kUnlimited);
+  registration.passes = static_cast<int>(reader.integer("smoothing/passes", 1, 100));
+  registration.effective_beams = reader.number("smoothing/effective_beams", 1.0, kUnlimited);
+  registration.max_search_m = reader.number("smoothing/max_search_m", 1.0, kUnlimited);
+  return params;
+}
+
 // What cannot be right together.
 void expectAgreement(const Parameters& params) {
   if (params.nodes > params.filter.particles) {
@@ -149,6 +170,7 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   params.loop_closure_timeout_s = reader.number("lc/timeout_s", 0.1, kUnlimited);
   params.resampling_threshold = reader.number("resampling/threshold", 0.0, 1.0);
   params.resampling_timeout_s = reader.number("resampling/timeout_s", 0.1, kUnlimited);
+  params.smoothing = smoothing(reader);
   params.offline_steps_per_second = reader.number("offline/steps_per_second", 0.0, kUnlimited);
   params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);

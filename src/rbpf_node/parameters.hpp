@@ -11,6 +11,7 @@
 
 #include "rbpf_core/input_gate.hpp"
 #include "rbpf_core/particle_filter.hpp"
+#include "rbpf_core/smoothing/past_smoothing.hpp"
 #include "rbpf_core/weighting.hpp"
 #include "rbpf_node/frames.hpp"
 
@@ -29,6 +30,7 @@ struct Parameters {
   double loop_closure_timeout_s = 10.0;
   double resampling_threshold = 0.5;
   double resampling_timeout_s = 30.0;
+  rbpf_core::smoothing::PastSmoothingParams smoothing;
   double offline_steps_per_second = 100.0;
   double final_training_s = 10.0;
   double publish_rate_hz = 1.0;

@@ -6,7 +6,7 @@
 #include <pcl/filters/voxel_grid.h>
 #include <pcl_conversions/pcl_conversions.h>
 #include <tf2_eigen/tf2_eigen.h>
-#include <visualization_msgs/Marker.h>
+#include <visualization_msgs/MarkerArray.h>
 
 #include "rbpf_node/conversions.hpp"
 
@@ -36,6 +36,7 @@ Publishers::Publishers(ros::NodeHandle private_node, const rbpf_core::ParticleFi
   ping_ = node.advertise<sensor_msgs::PointCloud2>("ping", 100);
   bathymetry_ = node.advertise<sensor_msgs::PointCloud2>("bathymetry", 1, true);
   vehicle_ = node.advertise<visualization_msgs::Marker>("vehicle", 10);
+  graph_ = node.advertise<visualization_msgs::MarkerArray>("graph", 1, true);
   status_ = node.advertise<rbpf_svgp_slam::FilterStatus>("status", 10, true);
 }
 
@@ -80,10 +81,12 @@ void Publishers::publishPing(const ros::Time& stamp) {
   publishCloud(ping_, cloud, mapHeader(stamp));
 }
 
-void Publishers::publishOverview(const ros::Time& stamp) {
+void Publishers::publishOverview(const ros::Time& stamp,
+                                 const rbpf_core::smoothing::SmoothedPast& smoothed) {
   const std_msgs::Header header = mapHeader(stamp);
   publishParticles(header);
   publishVehicle(header);
+  if (graph_.getNumSubscribers() > 0) publishGraph(header, smoothed);
   if (path_.getNumSubscribers() + dead_reckoning_path_.getNumSubscribers() +
           bathymetry_.getNumSubscribers() >
       0) {
@@ -114,6 +117,49 @@ void Publishers::publishVehicle(const std_msgs::Header& header) {
   marker.color.r = marker.color.a = 1.0F;
   marker.color.g = 0.75F;
   vehicle_.publish(marker);
+}
+
+// The track that the graph has found, and its closures: green ones that fit, red ones that are
+// weighted down.
+void Publishers::publishGraph(const std_msgs::Header& header,
+                              const rbpf_core::smoothing::SmoothedPast& smoothed) {
+  const double z_m = filter_.snapshot().estimate().attitude.z_m;
+  const auto point = [&](const rbpf_core::Pose2& pose) {
+    geometry_msgs::Point at;
+    at.x = pose.x_m;
+    at.y = pose.y_m;
+    at.z = z_m;
+    return at;
+  };
+  visualization_msgs::Marker track;
+  track.header = header;
+  track.ns = "track";
+  track.type = visualization_msgs::Marker::LINE_STRIP;
+  track.pose.orientation.w = 1.0;
+  track.scale.x = 0.3;  // m
+  track.color.r = track.color.g = track.color.b = 1.0F;
+  track.color.a = 0.6F;
+  for (const rbpf_core::Pose2& pose : smoothed.nodes) track.points.push_back(point(pose));
+
+  visualization_msgs::Marker closures = track;
+  closures.ns = "closures";
+  closures.type = visualization_msgs::Marker::LINE_LIST;
+  closures.color.a = 1.0F;
+  closures.points.clear();
+  for (const auto& closure : smoothed.closures) {
+    if (std::isnan(closure.weight)) continue;
+    closures.points.push_back(point(smoothed.nodes[closure.k]));
+    closures.points.push_back(point(smoothed.nodes[closure.j]));
+    std_msgs::ColorRGBA color;
+    color.r = static_cast<float>(1.0 - closure.weight);
+    color.g = static_cast<float>(closure.weight);
+    color.a = 0.8F;
+    closures.colors.insert(closures.colors.end(), 2, color);
+  }
+  visualization_msgs::MarkerArray graph;
+  if (!track.points.empty()) graph.markers.push_back(track);
+  if (!closures.points.empty()) graph.markers.push_back(closures);
+  graph_.publish(graph);
 }
 
 void Publishers::publishPaths(const std_msgs::Header& header) {

@@ -1,5 +1,8 @@
 #include "rbpf_node/services.hpp"
 
+#include <algorithm>
+#include <array>
+
 #include "rbpf_node/beam_requests.hpp"
 #include "rbpf_node/conversions.hpp"
 
@@ -14,18 +17,38 @@ void appendPose(const rbpf_core::Pose2& pose, const rbpf_core::Attitude& attitud
   appendBytes(values, 6, bytes);
 }
 
-// The upper triangle, row by row.
+// Row by row.
+std::array<double, 6> upperTriangle(const Eigen::Matrix3d& covariance) {
+  return {covariance(0, 0), covariance(0, 1), covariance(0, 2),
+          covariance(1, 1), covariance(1, 2), covariance(2, 2)};
+}
+
 void appendCovariance(const Eigen::Matrix3d& covariance, std::vector<std::uint8_t>* bytes) {
-  const double values[6] = {covariance(0, 0), covariance(0, 1), covariance(0, 2),
-                            covariance(1, 1), covariance(1, 2), covariance(2, 2)};
-  appendBytes(values, 6, bytes);
+  appendBytes(upperTriangle(covariance).data(), 6, bytes);
+}
+
+rbpf_svgp_slam::Closure toMessage(const rbpf_core::smoothing::Closure& closure) {
+  const rbpf_core::smoothing::Registration& registration = closure.registration;
+  const rbpf_core::Pose2& found = registration.found.pose;
+  rbpf_svgp_slam::Closure message;
+  message.stamp = closure.stamp_s;
+  message.stamp_older = closure.stamp_older_s;
+  message.relative = {found.x_m, found.y_m, found.yaw_rad};
+  const auto covariance = upperTriangle(registration.found.covariance);
+  std::copy(covariance.begin(), covariance.end(), message.covariance.begin());
+  message.shift = {closure.shift.x(), closure.shift.y(), closure.shift.z()};
+  message.rms_m = registration.rms_m;
+  message.beams = registration.beams;
+  message.weight = closure.weight;
+  message.verdict = nameOf(registration.verdict);
+  return message;
 }
 
 }  // namespace
 
 Services::Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
-                   const rbpf_core::LoopClosing& loop_closing)
-    : filter_(filter), loop_closing_(loop_closing) {
+                   const rbpf_core::LoopClosing& loop_closing, const SmoothingWorker& smoothing)
+    : filter_(filter), loop_closing_(loop_closing), smoothing_(smoothing) {
   using rbpf_svgp_slam::GetBeams;
   using rbpf_svgp_slam::GetMinibatches;
   minibatch_server_ = private_node.advertiseService(
@@ -34,6 +57,7 @@ Services::Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter
   beam_server_ = private_node.advertiseService(
       "get_beams", &Services::serveBeams<GetBeams::Request, GetBeams::Response>, this);
   ping_server_ = private_node.advertiseService("get_pings", &Services::getPings, this);
+  closure_server_ = private_node.advertiseService("get_closures", &Services::getClosures, this);
 }
 
 template <typename Request, typename Response>
@@ -52,11 +76,18 @@ bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
                         rbpf_svgp_slam::GetPings::Response& response) {
   const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
   response.pings_total = snapshot.pings();
+  const auto smoothed = smoothing_.result();
+  std::size_t number = request.first;
   for (const rbpf_core::SurveyPing& ping : snapshot.survey(request.first, request.count)) {
     const rbpf_core::PingRecord& record = ping.record;
     appendBytes(&record.stamp_s, 1, &response.stamps);
     appendPose(ping.estimate, record.attitude, &response.estimate);
-    appendCovariance(ping.covariance, &response.estimate_covariance);
+    const bool is_smoothed = number < smoothed->covariances.size();
+    appendCovariance(
+        is_smoothed ? rbpf_core::smoothing::largerOf(ping.covariance, smoothed->covariances[number])
+                    : ping.covariance,
+        &response.estimate_covariance);
+    ++number;
     appendPose(record.online, record.attitude, &response.online);
     appendCovariance(record.online_covariance, &response.online_covariance);
     appendPose(record.dead_reckoning, record.attitude, &response.dead_reckoning);
@@ -64,6 +95,15 @@ bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
     response.beams_per_ping.push_back(record.beams);
     appendBytes(ping.levelled_m.data(), static_cast<std::size_t>(ping.levelled_m.size()),
                 &response.beams);
+  }
+  response.success = true;
+  return true;
+}
+
+bool Services::getClosures(rbpf_svgp_slam::GetClosures::Request&,
+                           rbpf_svgp_slam::GetClosures::Response& response) {
+  for (const auto& closure : smoothing_.result()->closures) {
+    response.closures.push_back(toMessage(closure));
   }
   response.success = true;
   return true;

@@ -4,15 +4,17 @@
 #include <ros/node_handle.h>
 
 #include "rbpf_core/loop_closing.hpp"
+#include "rbpf_node/smoothing_worker.hpp"
+#include "rbpf_svgp_slam/GetClosures.h"
 #include "rbpf_svgp_slam/GetPings.h"
 
 namespace rbpf_node {
 
 class Services {
  public:
-  // Advertises ~get_minibatches, ~get_beams and ~get_pings.
+  // Advertises ~get_minibatches, ~get_beams, ~get_pings and ~get_closures.
   Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
-           const rbpf_core::LoopClosing& loop_closing);
+           const rbpf_core::LoopClosing& loop_closing, const SmoothingWorker& smoothing);
 
  private:
   // For ~get_minibatches and ~get_beams.
@@ -20,12 +22,16 @@ class Services {
   bool serveBeams(Request& request, Response& response);
   bool getPings(rbpf_svgp_slam::GetPings::Request& request,
                 rbpf_svgp_slam::GetPings::Response& response);
+  bool getClosures(rbpf_svgp_slam::GetClosures::Request& request,
+                   rbpf_svgp_slam::GetClosures::Response& response);
 
   const rbpf_core::ParticleFilter& filter_;
   const rbpf_core::LoopClosing& loop_closing_;
+  const SmoothingWorker& smoothing_;
   ros::ServiceServer minibatch_server_;
   ros::ServiceServer beam_server_;
   ros::ServiceServer ping_server_;
+  ros::ServiceServer closure_server_;
 };
 
 }  // namespace rbpf_node

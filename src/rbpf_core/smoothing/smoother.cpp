@@ -1,5 +1,6 @@
 #include "rbpf_core/smoothing/smoother.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -110,6 +111,9 @@ void Smoother::registerNode(std::size_t j, const std::vector<Pose2>& poses,
         registerWindow(mapOf(k, poses), window, {closure.expected, covariances().ofRelative(k, j)},
                        params_.registration);
     closure.registration.found.covariance += odometryWithinWindows();
+    const Pose2 moved = relative(poses[j], compose(poses[k], closure.registration.found.pose));
+    closure.shift << Eigen::Rotation2Dd(poses[j].yaw_rad) * Eigen::Vector2d(moved.x_m, moved.y_m),
+        moved.yaw_rad;
     closure.weight = std::numeric_limits<double>::quiet_NaN();
     if (closure.registration.verdict == Verdict::kAccepted) {
       pending_.push_back(closures_.size());

@@ -21,8 +21,10 @@ struct Closure {
   std::size_t j = 0;
   double stamp_older_s = 0.0;
   double stamp_s = 0.0;
-  // Of node j in the frame of node k; where it was expected, and where it was found.
+  // Of node j in the frame of node k, where it was expected.
   Pose2 expected;
+  // What registration moved node j by, in map, about itself: x, y, yaw.
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
   Registration registration;
   // In the graph: 1 counts fully. NaN if refused.
   double weight = 0.0;
@@ -59,6 +61,7 @@ class Smoother {
   const std::vector<Closure>& closures() const { return closures_; }
   // Whether any closure has been accepted.
   bool hasClosures() const { return accepted_ > 0; }
+  std::size_t accepted() const { return accepted_; }
 
   // Of every ping, in map.
   std::vector<Pose2> posesOfPings() const;
