@@ -21,6 +21,7 @@ setup(
             "rbpf_svgp_slam.recorder",
             "rbpf_svgp_slam.run",
             "rbpf_svgp_slam.simulation",
+            "rbpf_svgp_slam.smoothing",
             "rbpf_svgp_slam.survey_area",
             "rbpf_svgp_slam.svgp",
             "rbpf_svgp_slam.svgp.optimizers",

@@ -27,6 +27,7 @@ SECTIONS = {
     "gmrf.accuracy": "bench.gmrf.accuracy",
     "gmrf.picture": "bench.gmrf.picture",
     "gmrf.filter": "bench.gmrf.filter",
+    "smoothing.closures": "bench.smoothing.closures",
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.ingest": "bench.core.ingest",
     "core.ingest_training": "bench.core.ingest_training",

@@ -11,9 +11,9 @@ from rbpf_svgp_slam.metrics.closure_metrics import (
     WRONG_ABOVE,
     closure_errors,
     closure_metrics,
-    relative_pose,
 )
 from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.run.planar_poses import relative_pose
 
 STAMP_S = np.arange(101.0)
 SIGMA = np.array([0.1, 0.2, 0.01])  # m, m, rad

@@ -104,9 +104,11 @@ def test_the_last_lines_tell_both_estimates_and_the_closures(folder):
         f"{report[name]:.2f} m" for name in ("online_ate_rmse_m", "ate_rmse_m", "dr_ate_rmse_m")
     )
     assert lines[0] == f"RBPF error: online ATE {online}, final ATE {final} (DR {dr})"
-    assert lines[2] == "Closures:   13 accepted, 2 wrong; 3 refused"
-    assert lines[3].endswith("report.html") and len(lines) == 4
-    new = ("online", "closure")
+    ideal = [f"{report[f'ideal_{name}ate_rmse_m']:.2f} m" for name in ("online_", "")]
+    assert lines[2] == f"Ideal:      online ATE {ideal[0]}, final ATE {ideal[1]}"
+    assert lines[3] == "Closures:   13 accepted, 2 wrong; 3 refused"
+    assert lines[4].endswith("report.html") and len(lines) == 5
+    new = ("online", "closure", "ideal")
     old = {name: value for name, value in report.items() if not name.startswith(new)}
     lines = summarise(old, out_dir).splitlines()
     assert lines[0] == f"RBPF error: online ATE unknown, final ATE {final} (DR {dr})"
@@ -120,6 +122,7 @@ def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     for name in "online_ate_rmse_m nees nees_skipped closures_wrong closure_nees".split():
         assert report[name] is None
     assert report["closures_accepted"] == 13
+    assert report["ideal_ate_rmse_m"] is None
     errors = "ate_rmse_m final_error_m rpe_rmse_m".split()
     for name in [*errors, *(f"dr_{name}" for name in errors)]:
         assert report[name] is None

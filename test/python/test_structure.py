@@ -24,6 +24,7 @@ ROOMS = [
     "svgp",
     "gmrf",
     "run",
+    "smoothing",
     "metrics",
     "figures",
     "evaluation",

@@ -150,6 +150,7 @@ PYBIND11_MODULE(_smoothing, m) {
       .def("solve", &PoseGraph::solve, Unlocked())
       .def("weight_of_closure", &PoseGraph::weightOfClosure)
       .def_property_readonly("poses", [](const PoseGraph& graph) { return toRows(graph.poses()); })
+      .def("pose", [](const PoseGraph& graph, std::size_t i) { return toRow(graph.pose(i)); })
       .def("covariance", [](const PoseGraph& graph,
                             std::size_t i) { return PoseGraph::Covariances(graph).of(i); })
       .def("relative_covariance",

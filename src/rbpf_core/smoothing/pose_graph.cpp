@@ -278,6 +278,8 @@ std::size_t PoseGraph::addFix(std::size_t i, const Eigen::Vector2d& position_m,
 void PoseGraph::solve() {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+  // CHOLMOD starts the threads of its BLAS, for blocks far too small for that.
+  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   options.max_num_iterations = kIterations;
   options.function_tolerance = 1e-5;
   options.num_threads = 1;

@@ -21,6 +21,11 @@ def summarise(report: dict[str, Any], out_dir: Path) -> str:
         f"final ATE {metres('ate_rmse_m')} (DR {metres('dr_ate_rmse_m')})",
         f"At the end: {metres('final_error_m')} (DR {metres('dr_final_error_m')})",
     ]
+    if report.get("ideal_ate_rmse_m") is not None:
+        lines.append(
+            f"Ideal:      online ATE {metres('ideal_online_ate_rmse_m')}, "
+            f"final ATE {metres('ideal_ate_rmse_m')}"
+        )
     if report.get("closures"):
         lines.append(f"Closures:   {_closures(report)}")
     return "\n".join([*lines, f"Report: {(out_dir / 'report.html').resolve()}"])

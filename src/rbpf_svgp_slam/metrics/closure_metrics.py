@@ -10,6 +10,7 @@ import numpy as np
 from rbpf_svgp_slam.metrics.metric_names import CLOSURE_METRICS
 from rbpf_svgp_slam.metrics.normalised_errors import normalised_squares, symmetric
 from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.run.planar_poses import relative_pose, wrapped
 from rbpf_svgp_slam.run.tracks import interpolate_poses
 
 #: Quantile of χ² with 3 degrees of freedom that 99.73 % lie below, as within 3 σ of a Gaussian.
@@ -35,19 +36,6 @@ def closure_errors(
     error = closures.relative - relative_pose(older, younger)
     error[:, 2] = wrapped(error[:, 2])
     return error, normalised_squares(error, symmetric(closures.covariance))
-
-
-def relative_pose(older: np.ndarray, younger: np.ndarray) -> np.ndarray:
-    """Return the younger poses x, y, yaw [n, 3] (m, rad) in the frames of the older ones."""
-    (dx, dy, dyaw), yaw = (younger - older).T, older[:, 2]
-    forward = np.cos(yaw) * dx + np.sin(yaw) * dy
-    left = -np.sin(yaw) * dx + np.cos(yaw) * dy
-    return np.column_stack([forward, left, wrapped(dyaw)])
-
-
-def wrapped(angle_rad: np.ndarray) -> np.ndarray:
-    """Return angles in [−π, π)."""
-    return (angle_rad + np.pi) % (2 * np.pi) - np.pi
 
 
 def closure_metrics(

@@ -15,6 +15,7 @@ from rbpf_svgp_slam.metrics.consistency import (
     consistency,
     split_passes,
 )
+from rbpf_svgp_slam.metrics.ideal_metrics import ideal_metrics
 from rbpf_svgp_slam.metrics.map_metrics import (
     HeldOutScores,
     grid_on,
@@ -62,6 +63,7 @@ def evaluate(run: SurveyRun, settings: ConsistencySettings = ConsistencySettings
         **run.statistics,
         **_counters(run, notes),
         **_trajectory_metrics(run, notes),
+        **ideal_metrics(run, notes),
         **_map_metrics(run, held_out, notes),
         **_seabed_metrics(run, seabed_held_out),
         **_consistency_metrics(run, consistencies, settings),

@@ -15,6 +15,8 @@ TRAJECTORY_METRICS = (
     "final_error_m dr_final_error_m rpe_rmse_m dr_rpe_rmse_m rpe_delta_s "
     "nees nees_skipped online_nees online_nees_skipped"
 ).split()
+#: What the survey allows, whatever the method.
+IDEAL_METRICS = "ideal_ate_rmse_m ideal_ate_aligned_rmse_m ideal_online_ate_rmse_m".split()
 #: Of the loop closures.
 CLOSURE_METRICS = (
     "closures_accepted closures_wrong closures_wrong_share closure_error_median_m closure_nees"
@@ -35,6 +37,7 @@ CONSISTENCY_METRICS = (
 ).split()
 METRICS = (
     *TRAJECTORY_METRICS,
+    *IDEAL_METRICS,
     *CLOSURE_METRICS,
     *MAP_METRICS,
     *SEABED_METRICS,

@@ -1,0 +1,1 @@
+"""A survey's past, smoothed when it is over; and the best that any method could make of it."""

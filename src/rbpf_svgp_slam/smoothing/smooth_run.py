@@ -1,0 +1,108 @@
+"""Smooths the past of a survey that is over, from its dead reckoning and beams alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbpf_svgp_slam import _smoothing
+from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.run.planar_poses import rotated, wrapped
+from rbpf_svgp_slam.run.survey_run import SurveyRun
+
+PLANAR = [0, 1, 5]  # x, y, yaw of a pose
+_UPPER = np.triu_indices(3)
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """P pings and C closures."""
+
+    poses: np.ndarray  # [P, 3] x, y, yaw, map frame, m and rad
+    covariance: np.ndarray  # [P, 6]: xx, xy, x yaw, yy, y yaw, yaw yaw
+    closures: Closures
+    cpu_s: float
+
+
+def smooth(
+    stamp_s: np.ndarray,
+    dead_reckoning: np.ndarray,
+    levelled: np.ndarray,
+    beams_per_ping: np.ndarray,
+    params: _smoothing.SmoothingParams,
+) -> Smoothed:
+    """Register windows of pings to older passes, twice, and solve the pose graph.
+
+    stamp_s [P]; dead_reckoning [P, 3] x, y, yaw (m, rad), which starts where the track does;
+    levelled [N, 3] m, finite: x forward, y left, z in map; beams_per_ping [P], adding up to N.
+    """
+    started_s = time.process_time()
+    smoother = _smoothing.Smoother(params, stamp_s[0], dead_reckoning[0])
+    smoother.add_pings(stamp_s, dead_reckoning, levelled.astype(np.float32), beams_per_ping)
+    smoother.finish_pings()
+    smoother.update()
+    # Windows that lay on bent tracks, and where they were expected, are better known by now.
+    smoother.register_again()
+    poses = smoother.poses
+    return Smoothed(
+        poses=poses,
+        covariance=smoother.covariances[:, _UPPER[0], _UPPER[1]],
+        closures=_closures(smoother.closures, stamp_s, poses),
+        cpu_s=time.process_time() - started_s,
+    )
+
+
+def smooth_run(run: SurveyRun, params: _smoothing.SmoothingParams) -> tuple[SurveyRun, float]:
+    """Return the run with its track, covariances and closures replaced; and the processor time, s.
+
+    Pings without dead reckoning have no pose then. Height, roll and pitch are dead reckoning's,
+    since they are measured. Raises ValueError where there is nothing to smooth.
+    """
+    known = np.isfinite(run.dead_reckoning).all(axis=1)
+    if known.sum() < 2:
+        raise ValueError(
+            f"dead_reckoning.tum has poses at the stamps of {known.sum()} of {len(known)} pings; "
+            "expected two at least"
+        )
+    good = known[run.ping_of_beam] & np.isfinite(run.levelled).all(axis=1)
+    smoothed = smooth(
+        run.stamp_s[known],
+        run.dead_reckoning[known][:, PLANAR],
+        run.levelled[good],
+        np.bincount(run.ping_of_beam[good], minlength=len(known))[known],
+        params,
+    )
+    estimate = run.dead_reckoning.copy()
+    estimate[np.ix_(known, PLANAR)] = smoothed.poses
+    covariance = np.full((len(known), 6), np.nan)
+    covariance[known] = smoothed.covariance
+    run = dataclasses.replace(
+        run, estimate=estimate, estimate_covariance=covariance, closures=smoothed.closures
+    )
+    return run, smoothed.cpu_s
+
+
+def _closures(found: list[dict], stamp_s: np.ndarray, poses: np.ndarray) -> Closures:
+    """What the smoother tells of its closures, in the columns that a run folder has."""
+
+    def column(name: str, *shape: int) -> np.ndarray:
+        return np.array([one[name] for one in found], dtype=float).reshape(-1, *shape)
+
+    relative, stamp_older = column("relative", 3), column("stamp_older")
+    moved = relative - column("expected", 3)
+    # Seen from the older pose; nodes lie at pings.
+    yaw = np.interp(stamp_older, stamp_s, np.unwrap(poses[:, 2]))
+    return Closures(
+        stamp=column("stamp"),
+        stamp_older=stamp_older,
+        relative=relative,
+        covariance=column("covariance", 3, 3)[:, _UPPER[0], _UPPER[1]],
+        shift=np.column_stack([rotated(moved[:, :2], yaw), wrapped(moved[:, 2])]),
+        rms_m=column("rms_m"),
+        beams=column("beams").astype(int),
+        weight=column("weight"),
+        verdict=np.array([one["verdict"] for one in found], dtype=str),
+    )
