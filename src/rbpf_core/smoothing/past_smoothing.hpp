@@ -45,18 +45,23 @@ class PastSmoothing {
   // Whether pings have come for another period.
   bool isDue() const;
 
-  // Takes in what has come and works on it; the filter goes on meanwhile. Returns the correction to
-  // be made, if it is worth it; it holds as long as nobody else corrects the past. By one thread at
-  // a time.
-  std::optional<PastCorrection> smooth() { return smooth(false); }
+  // What the filter is to be told.
+  struct News {
+    // If it is worth it; it holds as long as nobody else corrects the past.
+    std::optional<PastCorrection> correction;
+    // Of the youngest ping, after the correction.
+    std::optional<KnownError> known_error;
+  };
+  // Takes in what has come and works on it; the filter goes on meanwhile. By one thread at a time.
+  News smooth() { return smooth(false); }
   // The same once the survey is over: every window is registered once more.
-  std::optional<PastCorrection> finish() { return smooth(true); }
+  News finish() { return smooth(true); }
 
   // From any thread.
   std::shared_ptr<const SmoothedPast> result() const;
 
  private:
-  std::optional<PastCorrection> smooth(bool is_over);
+  News smooth(bool is_over);
   void takePings(const FilterSnapshot& snapshot);
   std::optional<PastCorrection> correction(const FilterSnapshot& snapshot, bool is_over,
                                            SmoothedPast* result);
@@ -76,9 +81,5 @@ class PastSmoothing {
   double last_s_;
   std::shared_ptr<const SmoothedPast> result_ = std::make_shared<const SmoothedPast>();
 };
-
-// How uncertain a pose is of which the particles' spread and the graph's covariance are known: as
-// much as the larger of both in every direction.
-Eigen::Matrix3d largerOf(const Eigen::Matrix3d& spread, const Eigen::Matrix3d& covariance);
 
 }  // namespace rbpf_core::smoothing
