@@ -41,6 +41,7 @@ py::dict toDict(const Closure& closure) {
   fields["expected"] = toRow(closure.expected);
   fields["relative"] = toRow(registration.found.pose);
   fields["covariance"] = registration.found.covariance;
+  fields["shift"] = closure.shift;
   fields["rms_m"] = registration.rms_m;
   fields["beams"] = registration.beams;
   fields["weight"] = closure.weight;

@@ -1,4 +1,4 @@
-"""Poses x, y, yaw in the horizontal plane, [n, 3], m and rad: relative ones, and put together."""
+"""Poses x, y, yaw in the horizontal plane, [n, 3], m and rad."""
 
 from __future__ import annotations
 
@@ -16,10 +16,3 @@ def relative_pose(older: np.ndarray, younger: np.ndarray) -> np.ndarray:
     forward = np.cos(yaw) * dx + np.sin(yaw) * dy
     left = -np.sin(yaw) * dx + np.cos(yaw) * dy
     return np.column_stack([forward, left, wrapped(dyaw)])
-
-
-def rotated(xy: np.ndarray, yaw_rad: np.ndarray) -> np.ndarray:
-    """Return vectors [n, 2] turned by angles [n]."""
-    x, y = xy.T
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.column_stack([cos * x - sin * y, sin * x + cos * y])

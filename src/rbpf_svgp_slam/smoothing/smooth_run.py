@@ -10,7 +10,6 @@ import numpy as np
 
 from rbpf_svgp_slam import _smoothing
 from rbpf_svgp_slam.run.closures import Closures
-from rbpf_svgp_slam.run.planar_poses import rotated, wrapped
 from rbpf_svgp_slam.run.survey_run import SurveyRun
 
 PLANAR = [0, 1, 5]  # x, y, yaw of a pose
@@ -46,11 +45,10 @@ def smooth(
     smoother.update()
     # Windows that lay on bent tracks, and where they were expected, are better known by now.
     smoother.register_again()
-    poses = smoother.poses
     return Smoothed(
-        poses=poses,
+        poses=smoother.poses,
         covariance=smoother.covariances[:, _UPPER[0], _UPPER[1]],
-        closures=_closures(smoother.closures, stamp_s, poses),
+        closures=_closures(smoother.closures),
         cpu_s=time.process_time() - started_s,
     )
 
@@ -85,22 +83,18 @@ def smooth_run(run: SurveyRun, params: _smoothing.SmoothingParams) -> tuple[Surv
     return run, smoothed.cpu_s
 
 
-def _closures(found: list[dict], stamp_s: np.ndarray, poses: np.ndarray) -> Closures:
+def _closures(found: list[dict]) -> Closures:
     """What the smoother tells of its closures, in the columns that a run folder has."""
 
     def column(name: str, *shape: int) -> np.ndarray:
         return np.array([one[name] for one in found], dtype=float).reshape(-1, *shape)
 
-    relative, stamp_older = column("relative", 3), column("stamp_older")
-    moved = relative - column("expected", 3)
-    # Seen from the older pose; nodes lie at pings.
-    yaw = np.interp(stamp_older, stamp_s, np.unwrap(poses[:, 2]))
     return Closures(
         stamp=column("stamp"),
-        stamp_older=stamp_older,
-        relative=relative,
+        stamp_older=column("stamp_older"),
+        relative=column("relative", 3),
         covariance=column("covariance", 3, 3)[:, _UPPER[0], _UPPER[1]],
-        shift=np.column_stack([rotated(moved[:, :2], yaw), wrapped(moved[:, 2])]),
+        shift=column("shift", 3),
         rms_m=column("rms_m"),
         beams=column("beams").astype(int),
         weight=column("weight"),
