@@ -110,7 +110,8 @@ class StreamTraining(Training):
     def _follow(self, epoch: int, N: int) -> bool:
         """All maps anew, as the corrected histories have them, while the old ones stay in use.
 
-        false: not yet, as in `_catch_up`.
+        With the log's first N beams; what comes meanwhile is new to these maps, and is taken in as
+        such. false: not yet, as in `_catch_up`.
         """
         past, particles = self._store.newest_past, self._store.own
         if not self._store.lagging():
@@ -128,7 +129,6 @@ class StreamTraining(Training):
             self._store.hear_past(answer.past)
             if answer.past != past:  # begin again
                 return False
-            N = answer.beams_in_log
             if not self._fold(new, epoch, answer.beams):
                 return False
         return self._attempt(

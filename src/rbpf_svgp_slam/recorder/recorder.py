@@ -38,6 +38,8 @@ PATH_PERIOD_S = 1.0
 PATH_POSES = 4000
 # With nodes that publish a status twice a second, or the core, on top of its own period.
 STATUS_PATIENCE_S = 10.0
+# With maps that have still to follow the last correction of the past, after the final training.
+FOLLOWING_PATIENCE_S = 120.0
 FAILURES = (RuntimeError, ValueError, OSError, rosbag.ROSBagException, rospy.ServiceException)
 
 
@@ -160,8 +162,19 @@ class Recorder:
         rest_s = self._recording.parameters.output.final_training_s
         rospy.loginfo("Survey over; training on the whole log for %.0f s more.", rest_s)
         end_s = time.monotonic() + rest_s
+        give_up_s = end_s + FOLLOWING_PATIENCE_S
         while time.monotonic() < end_s and not rospy.is_shutdown():
             time.sleep(POLL_S)
+            # The end is not made of maps that have still to follow the last correction.
+            if self._maps_lag() and time.monotonic() < give_up_s:
+                end_s = max(end_s, time.monotonic() + 2 * POLL_S)
+        if self._maps_lag():
+            rospy.logwarn("The maps have not followed the last correction of the past.")
+
+    def _maps_lag(self) -> bool:
+        """Whether some node's maps are of an older past than the filter's."""
+        past = self._recording.statuses[-1].past
+        return any(status.past != past for status in self._recording.map_statuses.values())
 
     def _await_last_words(self) -> None:
         """Two more statuses of everybody: what is on its way now may be from before the end."""
