@@ -15,10 +15,11 @@ for sanitizers in thread address,undefined; do
     # -g1: all that a sanitizer's report names; with -g, compiling takes half as long again
     cmake -S . -B "$build" -DPYTHON_EXECUTABLE=/usr/bin/python3 -DCMAKE_BUILD_TYPE=Debug \
       -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DRBPF_SANITIZE="$sanitizers"
-    cmake --build "$build" --parallel "$(nproc)" --target test_rbpf_core test_gmrf
+    cmake --build "$build" --parallel "$(nproc)" --target test_rbpf_core test_gmrf \
+      test_smoothing
   } >"$build/build.log" 2>&1 || { cat "$build/build.log"; exit 1; }
   echo "-- $sanitizers"
-  for test in test_rbpf_core test_gmrf; do
+  for test in test_rbpf_core test_gmrf test_smoothing; do
     "$build/devel/lib/rbpf_svgp_slam/$test" --gtest_brief=1 \
       --gtest_output="xml:$results/$test.${sanitizers//,/_}.xml"
   done

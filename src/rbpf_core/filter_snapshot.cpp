@@ -70,8 +70,12 @@ Estimate FilterSnapshot::estimate() const {
   estimate.stamp_s = particles_->odometry.stamp_s;
   estimate.attitude = particles_->odometry.attitude;
   estimate.mean = weightedMean(particles_->poses, weights);
-  estimate.covariance = weightedCovariance(particles_->poses, weights, estimate.mean) +
-                        common_error_.covarianceAt(estimate.mean);
+  estimate.covariance = weightedCovariance(particles_->poses, weights, estimate.mean);
+  if (known_error_) {
+    estimate.covariance =
+        largerOf(estimate.covariance,
+                 known_error_->covarianceAt(estimate.stamp_s, estimate.mean, params_->motion));
+  }
   estimate.odometry = particles_->odometry.pose;
   estimate.dead_reckoning = particles_->dead_reckoning;
   return estimate;

@@ -9,6 +9,7 @@
 
 #include "rbpf_core/append_only.hpp"
 #include "rbpf_core/filter_params.hpp"
+#include "rbpf_core/known_error.hpp"
 #include "rbpf_core/log_block.hpp"
 #include "rbpf_core/mbes_log.hpp"
 #include "rbpf_core/odometry_use.hpp"
@@ -100,7 +101,7 @@ class FilterSnapshot {
   LogBlock logBlock(const std::vector<std::uint32_t>& particles, std::size_t first,
                     std::size_t size) const;
 
-  // Its covariance is the particles' spread and what they may be off by alike.
+  // Its covariance is the particles' spread, or what is known otherwise where that is larger.
   Estimate estimate() const;
   std::vector<Pose2> particles() const;
   Eigen::ArrayXd logWeights() const { return *log_weights_; }  // [J], normalised
@@ -123,7 +124,7 @@ class FilterSnapshot {
   const RefusalCounts& refused() const { return *refused_; }
   const OdometryUse& odometryUse() const { return odometry_use_; }
 
-  // Corrections of the past that the histories have gone through.
+  // Corrections of the past that the histories have gone through, and that maps are to follow.
   std::uint32_t past() const { return past_; }
   // What is taken off the odometry for the particles' motion.
   MotionBias bias() const { return bias_; }
@@ -164,7 +165,7 @@ class FilterSnapshot {
   OdometryUse odometry_use_;
   std::uint32_t past_ = 0;
   MotionBias bias_;
-  CommonError common_error_;
+  std::optional<KnownError> known_error_;
   std::optional<Start> start_;
 };
 

@@ -226,10 +226,9 @@ void ParticleFilter::takeIn(const Ping& ping) {
   const Eigen::ArrayXd w = weights();
   const Pose2 online = weightedMean(particles.poses, w);
   const PoseSlot slot = histories_.append(particles.poses);
-  log_.pings.push_back(
-      {ping.stamp_s, attitude, particles.dead_reckoning, online,
-       weightedCovariance(particles.poses, w, online) + common_error_.covarianceAt(online), slot,
-       beam_log.size(), static_cast<std::uint32_t>(beams.cols()), held_out});
+  log_.pings.push_back({ping.stamp_s, attitude, particles.dead_reckoning, online,
+                        onlineCovariance(particles, w, online), slot, beam_log.size(),
+                        static_cast<std::uint32_t>(beams.cols()), held_out});
   beam_log.append(slot, beams);
   releaseHeldBack();
 }
@@ -329,6 +328,20 @@ void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
       });
 }
 
+void ParticleFilter::setKnownError(const KnownError& error) {
+  const WriterLock lock(this);
+  known_error_ = error;
+}
+
+Eigen::Matrix3d ParticleFilter::onlineCovariance(const StampedParticles& particles,
+                                                 const Eigen::ArrayXd& weights,
+                                                 const Pose2& mean) const {
+  const Eigen::Matrix3d spread = weightedCovariance(particles.poses, weights, mean);
+  if (!known_error_) return spread;
+  return largerOf(spread,
+                  known_error_->covarianceAt(particles.odometry.stamp_s, mean, params_.motion));
+}
+
 // ---- corrections of the past ---------------------------------------------------------------
 
 void ParticleFilter::correctPast(const PastCorrection& correction) {
@@ -346,8 +359,7 @@ void ParticleFilter::correctPast(const PastCorrection& correction) {
       [&](TrajectoryHistories::PreparedCorrection prepared, WriterLock*) {
         histories_.commitCorrection(std::move(prepared));
         bias_ = correction.bias;
-        common_error_ = correction.common_error;
-        ++past_;
+        if (correction.maps_follow) ++past_;
       });
 }
 
@@ -398,7 +410,7 @@ void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_l
   published_.odometry_use_ = odometry_use_;
   published_.past_ = past_;
   published_.bias_ = bias_;
-  published_.common_error_ = common_error_;
+  published_.known_error_ = known_error_;
   published_.start_ = start_;
 }
 

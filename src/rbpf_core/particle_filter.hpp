@@ -52,6 +52,9 @@ class ParticleFilter {
   // they are. Refused: motions for more pings than the log has, and what is not finite.
   void correctPast(const PastCorrection& correction);
 
+  // From now on the estimate's covariance is at least what follows from this.
+  void setKnownError(const KnownError& error);
+
   // The survey is over: pings still waiting are dropped and counted, nothing is held back any
   // longer.
   void finish();
@@ -85,6 +88,8 @@ class ParticleFilter {
   Eigen::ArrayXd weights() const;
   void takeInWaiting();
   void releaseHeldBack();
+  Eigen::Matrix3d onlineCovariance(const StampedParticles& particles, const Eigen::ArrayXd& weights,
+                                   const Pose2& mean) const;
   bool isHeldOut(std::size_t ping) const;
   // Counts them; to be thrown if somebody has just brought one.
   Refusal refuse(InputKind kind, Reason reason, const std::string& what, std::size_t messages = 1);
@@ -117,7 +122,7 @@ class ParticleFilter {
   // Corrections of the past committed, and what the last one has said of the odometry.
   std::uint32_t past_ = 0;
   MotionBias bias_;
-  CommonError common_error_;
+  std::optional<KnownError> known_error_;
   std::optional<FilterSnapshot::Start> start_;
   // Pings old enough to be drawn, and the beams of those in the training log.
   std::size_t released_pings_ = 0;

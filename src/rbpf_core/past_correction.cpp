@@ -21,13 +21,6 @@ void expectFinite(const Pose2& motion, const std::string& what) {
 
 }  // namespace
 
-Eigen::Matrix3d CommonError::covarianceAt(const Pose2& pose) const {
-  Eigen::Matrix3d J = Eigen::Matrix3d::Identity();
-  J(0, 2) = -(pose.y_m - at.y_m);
-  J(1, 2) = pose.x_m - at.x_m;
-  return J * covariance * J.transpose();
-}
-
 void expectFinite(const PastCorrection& correction) {
   for (std::size_t i = 0; i < correction.of_ping.size(); ++i) {
     expectFinite(correction.of_ping[i], "the motion of ping " + std::to_string(i));
@@ -35,11 +28,6 @@ void expectFinite(const PastCorrection& correction) {
   expectFinite(correction.of_rest, "the motion of the rest");
   const MotionBias& bias = correction.bias;
   expectFinite(bias.surge_mps, bias.sway_mps, bias.yaw_radps, "the bias");
-  expectFinite(correction.common_error.at, "the end's pose");
-  if (!correction.common_error.covariance.allFinite()) {
-    throw std::invalid_argument(
-        "correction of the past: the end's covariance holds a number that is not finite");
-  }
 }
 
 }  // namespace rbpf_core

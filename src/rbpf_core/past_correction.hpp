@@ -17,17 +17,6 @@ struct MotionBias {
   double yaw_radps = 0.0;
 };
 
-// What all particles may be off by alike, beyond what their spread shows.
-struct CommonError {
-  // The pose that it is known at.
-  Pose2 at;
-  // Of x, y, yaw.
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-
-  // The same at another pose: an error in yaw moves what is far away.
-  Eigen::Matrix3d covarianceAt(const Pose2& pose) const;
-};
-
 // Rigid motions of the map frame, which take a pose h to C h, and what is known of the odometry.
 struct PastCorrection {
   // One for each of the log's pings 0 .. n-1, in every particle's history.
@@ -36,8 +25,8 @@ struct PastCorrection {
   Pose2 of_rest;
   // Taken off the odometry's increments from now on; replaces the bias before it.
   MotionBias bias;
-  // At the end, after the correction.
-  CommonError common_error;
+  // Whether maps are to follow, or may stay as they are: `past` is counted only if they are to.
+  bool maps_follow = true;
 };
 
 // Throws std::invalid_argument that names what is not finite.

@@ -117,6 +117,7 @@ rbpf_core::smoothing::PastSmoothingParams smoothing(ParameterReader& reader) {
   rbpf_core::smoothing::PastSmoothingParams params;
   params.period_s = reader.number("smoothing/period_s", 0.0, kUnlimited);
   params.min_change_m = reader.number("smoothing/min_change_m", 0.0, kUnlimited);
+  params.map_tolerance_m = reader.number("smoothing/map_tolerance_m", 0.0, kUnlimited);
   rbpf_core::smoothing::SmoothingParams& smoothing = params.smoothing;
   smoothing.velocity_bias_std_mps =
       reader.number("smoothing/velocity_bias_std_mps", 0.0, kUnlimited);

@@ -83,10 +83,9 @@ bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
     appendBytes(&record.stamp_s, 1, &response.stamps);
     appendPose(ping.estimate, record.attitude, &response.estimate);
     const bool is_smoothed = number < smoothed->covariances.size();
-    appendCovariance(
-        is_smoothed ? rbpf_core::smoothing::largerOf(ping.covariance, smoothed->covariances[number])
-                    : ping.covariance,
-        &response.estimate_covariance);
+    // What particles still differ in is no more than the graph knows of.
+    appendCovariance(is_smoothed ? smoothed->covariances[number] : ping.covariance,
+                     &response.estimate_covariance);
     ++number;
     appendPose(record.online, record.attitude, &response.online);
     appendCovariance(record.online_covariance, &response.online_covariance);

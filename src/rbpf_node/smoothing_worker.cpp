@@ -27,7 +27,7 @@ void SmoothingWorker::work() {
   }
   // from a bag the work is done here, when it is asked for
   if (input_ == Input::kLive && running_.wait_for(seconds(0)) != std::future_status::ready) return;
-  correct();
+  tellFilter();
 }
 
 void SmoothingWorker::start() {
@@ -37,9 +37,11 @@ void SmoothingWorker::start() {
       [this, is_last = is_last_] { return is_last ? smoothing_.finish() : smoothing_.smooth(); });
 }
 
-void SmoothingWorker::correct() {
+void SmoothingWorker::tellFilter() {
   try {
-    if (const Correction correction = running_.get()) filter_.correctPast(*correction);
+    const News news = running_.get();
+    if (news.correction) filter_.correctPast(*news.correction);
+    if (news.known_error) filter_.setKnownError(*news.known_error);
   } catch (const std::exception& error) {
     ROS_ERROR("Smoothing failed, the past stays as it is: %s", error.what());
   }

@@ -34,10 +34,10 @@ class SmoothingWorker {
   }
 
  private:
-  using Correction = std::optional<rbpf_core::PastCorrection>;
+  using News = rbpf_core::smoothing::PastSmoothing::News;
 
   void start();
-  void correct();
+  void tellFilter();
 
   rbpf_core::ParticleFilter& filter_;
   const bool is_on_;
@@ -48,7 +48,7 @@ class SmoothingWorker {
   std::atomic<bool> is_last_done_{false};
   bool is_last_ = false;
   // After what it works on: its end waits for the thread.
-  std::future<Correction> running_;
+  std::future<News> running_;
 };
 
 }  // namespace rbpf_node

@@ -22,7 +22,7 @@ class LocalMap {
   };
   Look at(float x_m, float y_m) const;
 
-  // h, between the nodes.
+  // h, between the nodes; 0 without beams.
   double spacing_m() const { return spacing_m_; }
   // Of a beam about the map, robust.
   double noise_std_m() const { return noise_std_m_; }

@@ -1,6 +1,5 @@
 #include "rbpf_core/smoothing/past_smoothing.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -19,22 +18,7 @@ SmoothingParams withFilters(SmoothingParams smoothing, const FilterParams& filte
   return smoothing;
 }
 
-// What is left of a symmetric matrix without its negative directions. Lengths for angles: a radian
-// counts as so many metres.
-Eigen::Matrix3d positivePart(const Eigen::Matrix3d& symmetric) {
-  constexpr double kArm_m = 20.0;
-  const Eigen::Vector3d scale(1.0, 1.0, kArm_m);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(scale.asDiagonal() * symmetric *
-                                                             scale.asDiagonal());
-  const Eigen::Matrix3d V = scale.cwiseInverse().asDiagonal() * eigen.eigenvectors();
-  return V * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * V.transpose();
-}
-
 }  // namespace
-
-Eigen::Matrix3d largerOf(const Eigen::Matrix3d& spread, const Eigen::Matrix3d& covariance) {
-  return spread + positivePart(covariance - spread);
-}
 
 PastSmoothing::PastSmoothing(const ParticleFilter& filter, const PastSmoothingParams& params)
     : filter_(filter), params_(params), last_s_(std::numeric_limits<double>::quiet_NaN()) {
@@ -57,10 +41,10 @@ std::shared_ptr<const SmoothedPast> PastSmoothing::result() const {
   return result_;
 }
 
-std::optional<PastCorrection> PastSmoothing::smooth(bool is_over) {
+PastSmoothing::News PastSmoothing::smooth(bool is_over) {
   const auto start = std::chrono::steady_clock::now();
   const FilterSnapshot snapshot = filter_.snapshot();
-  if (snapshot.pings() == 0) return std::nullopt;
+  if (snapshot.pings() == 0) return {};
   takePings(snapshot);
   if (is_over) smoother_->finishPings();
   smoother_->update();
@@ -75,12 +59,16 @@ std::optional<PastCorrection> PastSmoothing::smooth(bool is_over) {
     result.covariances.clear();
     for (const std::size_t ping : stands_for_) result.covariances.push_back(of_pings[ping]);
   }
-  auto correction = this->correction(snapshot, &result);
+  News news;
+  news.correction = correction(snapshot, is_over, &result);
+  const std::size_t last = smoother_->graph().size() - 1;
+  news.known_error = KnownError{smoother_->track().nodes()[last].stamp_s, result.nodes[last],
+                                PoseGraph::Covariances(smoother_->graph()).of(last)};
   result.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const std::lock_guard lock(mutex_);
   result_ = std::make_shared<const SmoothedPast>(std::move(result));
   last_s_ = *snapshot.latestPingStamp();
-  return correction;
+  return news;
 }
 
 void PastSmoothing::takePings(const FilterSnapshot& snapshot) {
@@ -100,34 +88,33 @@ void PastSmoothing::takePings(const FilterSnapshot& snapshot) {
 
 // C(t) = X~(t) X(t)^-1, X the mean of the histories.
 std::optional<PastCorrection> PastSmoothing::correction(const FilterSnapshot& snapshot,
-                                                        SmoothedPast* result) {
+                                                        bool is_over, SmoothedPast* result) {
   if (!smoother_->hasClosures()) return std::nullopt;
   const Eigen::ArrayXd weights = snapshot.logWeights().exp();
   const std::vector<Pose2> smoothed = smoother_->posesOfPings();
   PastCorrection correction;
   double change2 = 0.0;
-  FilterSnapshot::Past past;
   for (std::size_t i = 0; i < stands_for_.size(); ++i) {
     const bool stands_for_itself = i == 0 || stands_for_[i] != stands_for_[i - 1];
     if (!stands_for_itself) {
       correction.of_ping.push_back(correction.of_ping.back());
       continue;
     }
-    past = snapshot.pastAt(i, weights);
+    const Pose2 from = snapshot.pastAt(i, weights).mean;
     const Pose2& to = smoothed[stands_for_[i]];
-    correction.of_ping.push_back(compose(to, inverse(past.mean)));
-    const double dx = to.x_m - past.mean.x_m;
-    const double dy = to.y_m - past.mean.y_m;
+    correction.of_ping.push_back(compose(to, inverse(from)));
+    const double dx = to.x_m - from.x_m;
+    const double dy = to.y_m - from.y_m;
     change2 = std::max(change2, dx * dx + dy * dy);
   }
-  if (std::sqrt(change2) < params_.min_change_m) return std::nullopt;
-  result->largest_change_m = std::sqrt(change2);
+  const double change_m = std::sqrt(change2);
+  if (change_m < params_.min_change_m && not_followed_m_ == 0.0) return std::nullopt;
+  result->largest_change_m = change_m;
+  not_followed_m_ += change_m;
+  correction.maps_follow = is_over || not_followed_m_ > params_.map_tolerance_m;
+  if (correction.maps_follow) not_followed_m_ = 0.0;
   correction.of_rest = correction.of_ping.back();
   correction.bias = smoother_->graph().bias();
-  const std::size_t last = smoother_->graph().size() - 1;
-  correction.common_error.at = smoothed.back();
-  correction.common_error.covariance =
-      positivePart(PoseGraph::Covariances(smoother_->graph()).of(last) - past.spread);
   return correction;
 }
 

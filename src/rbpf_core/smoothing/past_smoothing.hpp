@@ -18,6 +18,8 @@ struct PastSmoothingParams {
   double period_s = 30.0;
   // A correction that moves no ping by more than this is not made, m.
   double min_change_m = 0.05;
+  // Maps follow once the histories may have moved by more than this since they last did, m.
+  double map_tolerance_m = 0.2;
   SmoothingParams smoothing;
 };
 
@@ -43,20 +45,26 @@ class PastSmoothing {
   // Whether pings have come for another period.
   bool isDue() const;
 
-  // Takes in what has come and works on it; the filter goes on meanwhile. Returns the correction to
-  // be made, if it is worth it; it holds as long as nobody else corrects the past. By one thread at
-  // a time.
-  std::optional<PastCorrection> smooth() { return smooth(false); }
+  // What the filter is to be told.
+  struct News {
+    // If it is worth it; it holds as long as nobody else corrects the past.
+    std::optional<PastCorrection> correction;
+    // Of the youngest ping, after the correction.
+    std::optional<KnownError> known_error;
+  };
+  // Takes in what has come and works on it; the filter goes on meanwhile. By one thread at a time.
+  News smooth() { return smooth(false); }
   // The same once the survey is over: every window is registered once more.
-  std::optional<PastCorrection> finish() { return smooth(true); }
+  News finish() { return smooth(true); }
 
   // From any thread.
   std::shared_ptr<const SmoothedPast> result() const;
 
  private:
-  std::optional<PastCorrection> smooth(bool is_over);
+  News smooth(bool is_over);
   void takePings(const FilterSnapshot& snapshot);
-  std::optional<PastCorrection> correction(const FilterSnapshot& snapshot, SmoothedPast* result);
+  std::optional<PastCorrection> correction(const FilterSnapshot& snapshot, bool is_over,
+                                           SmoothedPast* result);
 
   const ParticleFilter& filter_;
   const PastSmoothingParams params_;
@@ -66,14 +74,12 @@ class PastSmoothing {
   // it: pings that come late, after younger ones, move with those.
   std::size_t taken_ = 0;
   std::vector<std::size_t> stands_for_;
+  // By how much histories may have moved since maps last followed, m.
+  double not_followed_m_ = 0.0;
 
   mutable std::mutex mutex_;  // guards what follows
   double last_s_;
   std::shared_ptr<const SmoothedPast> result_ = std::make_shared<const SmoothedPast>();
 };
-
-// How uncertain a pose is of which the particles' spread and the graph's covariance are known: as
-// much as the larger of both in every direction.
-Eigen::Matrix3d largerOf(const Eigen::Matrix3d& spread, const Eigen::Matrix3d& covariance);
 
 }  // namespace rbpf_core::smoothing

@@ -43,7 +43,11 @@ Eigen::Matrix<T, 3, 1> relativeOf(const T* a, const T* b) {
 template <int kRows>
 Eigen::Matrix<double, kRows, kRows> rootInformation(
     const Eigen::Matrix<double, kRows, kRows>& covariance) {
-  const Eigen::Matrix<double, kRows, kRows> L = covariance.llt().matrixL();
+  const Eigen::LLT<Eigen::Matrix<double, kRows, kRows>> llt(covariance);
+  if (!covariance.allFinite() || llt.info() != Eigen::Success) {
+    throw std::invalid_argument("covariance is not positive definite");
+  }
+  const Eigen::Matrix<double, kRows, kRows> L = llt.matrixL();
   return L.inverse();
 }
 
@@ -184,6 +188,8 @@ PoseGraph::PoseGraph(const SmoothingParams& params, double stamp_s, const Pose2&
   expectAtLeast("smoothing/velocity_bias_std_mps", params.velocity_bias_std_mps, 0.0);
   expectAtLeast("smoothing/yaw_bias_std_radps", params.yaw_bias_std_radps, 0.0);
   expectAtLeast("smoothing/bias_time_s", params.bias_time_s, 1.0);
+  expectAtLeast("smoothing/start_position_std_m", params.start_position_std_m, 0.0);
+  expectAtLeast("smoothing/start_yaw_std_rad", params.start_yaw_std_rad, 0.0);
   addBias(stamp_s);
   poses_.push_back(vectorOf(start));
   stamps_s_.push_back(stamp_s);
@@ -243,6 +249,7 @@ void PoseGraph::addNode(double stamp_s, const Pose2& moved) {
 }
 
 std::size_t PoseGraph::addClosure(std::size_t k, std::size_t j, const UncertainPose& relative) {
+  if (k == j) throw std::invalid_argument("closure of node " + std::to_string(k) + " with itself");
   const RelativePoseError error{vectorOf(relative.pose), rootInformation<3>(relative.covariance)};
   const auto block = problem_->AddResidualBlock(
       new ceres::AutoDiffCostFunction<RelativePoseError, 3, 3, 3>(new RelativePoseError(error)),

@@ -30,7 +30,8 @@ class PoseGraph {
   // Stamps must not go back.
   void addNode(double stamp_s, const Pose2& moved);
 
-  // Of node j in the frame of node k. Returns the closure's number.
+  // Of node j in the frame of node k. Returns the closure's number. Throws std::invalid_argument if
+  // both are one, or if the covariance is not positive definite.
   std::size_t addClosure(std::size_t k, std::size_t j, const UncertainPose& relative);
   void clearClosures();
 

@@ -21,8 +21,12 @@ constexpr Eigen::Index kBeams = 1200;
 constexpr double kReach = 3.0;
 constexpr int kLeastSteps = 2;
 constexpr int kMostTurns = 4;
-// Places of the search from which Gauss-Newton starts.
+// Places of the search from which Gauss-Newton starts; and those that it starts from in addition,
+// so that the best place's rivals are seen, if the search found them worse by less than so many
+// nats: between the nodes of its grid.
 constexpr std::size_t kStarts = 6;
+constexpr std::size_t kRivals = 4;
+constexpr double kWorthALook = 25.0;
 constexpr int kIterations = 15;
 // Beams on the map: at least this share of all, and of those that the best place has; and so many.
 constexpr double kLeastShare = 0.25;
@@ -75,14 +79,17 @@ class Registrar {
   Registration run() const {
     Registration result;
     result.found = expected_;
-    if (beams_.cols() < kLeastBeams) return result;
+    const bool empty = map_.spacing_m() == 0.0;
+    if (empty || beams_.cols() < kLeastBeams) return result;
+    const std::vector<Start> starts = searched();
     std::vector<Place> places;
-    for (const Pose2& start : starts()) {
-      if (const auto place = refine(start)) places.push_back(*place);
+    for (std::size_t i = 0; i < std::min(kStarts, starts.size()); ++i) {
+      if (const auto place = refine(starts[i].pose)) places.push_back(*place);
     }
     if (places.empty()) return result;
-    std::sort(places.begin(), places.end(),
-              [](const Place& a, const Place& b) { return a.cost < b.cost; });
+    sort(&places);
+    addRivals(starts, &places);
+    sort(&places);
     const Place& best = places.front();
     result.found = best.found;
     result.rms_m = best.rms_m;
@@ -99,6 +106,36 @@ class Registrar {
     double rms_m;
     Eigen::Index beams;
   };
+
+  // Of the search.
+  struct Start {
+    double cost;
+    Pose2 pose;
+  };
+
+  template <typename T>
+  static void sort(std::vector<T>* places) {
+    std::sort(places->begin(), places->end(),
+              [](const T& a, const T& b) { return a.cost < b.cost; });
+  }
+
+  // Along a crest there are many places that fit alike, and the search's best may all lie on one:
+  // from those on others, too.
+  void addRivals(const std::vector<Start>& starts, std::vector<Place>* places) const {
+    Eigen::Matrix3d near = places->front().found.covariance;
+    near.topLeftCorner<2, 2>().diagonal().array() += 0.25 * map_.spacing_m() * map_.spacing_m();
+    std::size_t rivals = 0;
+    for (std::size_t i = kStarts; i < starts.size() && rivals < kRivals; ++i) {
+      const Start& start = starts[i];
+      if (start.cost > starts.front().cost + kWorthALook) return;
+      const bool seen = std::any_of(places->begin(), places->end(), [&](const Place& place) {
+        return squaredDistance(difference(start.pose, place.found.pose), near) < kSame;
+      });
+      if (seen) continue;
+      ++rivals;
+      if (const auto place = refine(start.pose)) places->push_back(*place);
+    }
+  }
 
   Verdict verdictOn(const std::vector<Place>& places) const {
     const Place& best = places.front();
@@ -120,7 +157,7 @@ class Registrar {
   }
 
   // Minima of the mean cost on a grid around where the window is expected, the best ones first.
-  std::vector<Pose2> starts() const {
+  std::vector<Start> searched() const {
     const Beams few = thinned(beams_, kSearchBeams);
     const double step_m = map_.spacing_m();
     const auto stepsFor = [&](double std, double step, int least, double most) {
@@ -138,10 +175,6 @@ class Registrar {
 
     const std::size_t across = 2 * ny + 1;
     const std::size_t count = (2 * nx + 1) * across;
-    struct Start {
-      double cost;
-      Pose2 pose;
-    };
     std::vector<Start> starts;
     for (int turn = -turns; turn <= turns; ++turn) {
       const double yaw = expected_.pose.yaw_rad + turn * turn_rad;
@@ -190,14 +223,8 @@ class Registrar {
         }
       }
     }
-    std::sort(starts.begin(), starts.end(),
-              [](const Start& a, const Start& b) { return a.cost < b.cost; });
-    std::vector<Pose2> poses;
-    for (const Start& start : starts) {
-      if (poses.size() == kStarts) break;
-      poses.push_back(start.pose);
-    }
-    return poses;
+    sort(&starts);
+    return starts;
   }
 
   std::optional<Place> refine(Pose2 pose) const {

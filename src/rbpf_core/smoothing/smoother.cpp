@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "rbpf_core/rigid.hpp"
 
@@ -27,15 +28,36 @@ constexpr Eigen::Index kStride = 3;
 // Covariances are computed at so many nodes, and interpolated.
 constexpr std::size_t kCovariances = 600;
 
+void expectPositive(const char* name, double value) {
+  if (std::isfinite(value) && value > 0.0) return;
+  throw std::invalid_argument(std::string("smoothing/") + name + " is " + std::to_string(value) +
+                              "; expected a finite number above 0");
+}
+
+const SmoothingParams& checked(const SmoothingParams& params) {
+  const RegistrationParams& registration = params.registration;
+  expectPositive("node_period_s", registration.node_period_s);
+  expectPositive("window_s", registration.window_s);
+  expectPositive("map_window_s", registration.map_window_s);
+  expectPositive("min_apart_s", registration.min_apart_s);
+  expectPositive("passes", registration.passes);
+  expectPositive("effective_beams", registration.effective_beams);
+  expectPositive("max_search_m", registration.max_search_m);
+  return params;
+}
+
 }  // namespace
 
 Smoother::Smoother(const SmoothingParams& params, double stamp_s, const Pose2& start)
-    : params_(params), track_(params.registration.node_period_s), graph_(params, stamp_s, start) {
+    : params_(checked(params)),
+      track_(params.registration.node_period_s),
+      graph_(params, stamp_s, start) {
   track_.addNode(stamp_s, start);
 }
 
 void Smoother::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m) {
   track_.addPing(stamp_s, dead_reckoning, levelled_m);
+  addNodes();
 }
 
 void Smoother::addNodes() {
@@ -47,7 +69,6 @@ void Smoother::addNodes() {
 }
 
 void Smoother::update() {
-  addNodes();
   // A window is complete when the nodes after it are there.
   std::size_t complete = track_.complete();
   const double last_s = track_.nodes().back().stamp_s;
@@ -76,6 +97,7 @@ void Smoother::registerAgain() {
   for (std::size_t j = 0; j < next_; j += kEvery) {
     registerNode(j, poses, [&]() -> const PoseGraph::Covariances& { return covariances; });
   }
+  if (pending_.empty()) graph_.solve();  // without any
   solve();
 }
 
@@ -159,7 +181,7 @@ std::vector<std::size_t> Smoother::olderPasses(std::size_t j,
   };
   std::vector<Pass> passes;
   double last_near_s = -std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < j; ++k) {
+  for (std::size_t k = 1; k < j; ++k) {  // the start has no beams
     if (nodes[j].stamp_s - nodes[k].stamp_s < params_.registration.min_apart_s) break;
     const double near_m = kNear * (nodes[j].half_width_m + nodes[k].half_width_m);
     const double distance_m = std::hypot(poses[j].x_m - poses[k].x_m, poses[j].y_m - poses[k].y_m);

@@ -43,7 +43,7 @@ float halfWidth(const Beams& beams_m) {
 }  // namespace
 
 std::size_t Track::addNode(double stamp_s, const Pose2& dead_reckoning) {
-  if (!nodes_.empty() && stamp_s < nodes_.back().stamp_s) {
+  if (!nodes_.empty() && !(stamp_s >= nodes_.back().stamp_s)) {
     throw std::invalid_argument("stamp " + std::to_string(stamp_s) +
                                 " s; expected none earlier than the node's before, " +
                                 std::to_string(nodes_.back().stamp_s) + " s");
@@ -54,7 +54,7 @@ std::size_t Track::addNode(double stamp_s, const Pose2& dead_reckoning) {
 }
 
 void Track::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m) {
-  if (!pings_.empty() && stamp_s < pings_.back().stamp_s) {
+  if (!pings_.empty() && !(stamp_s >= pings_.back().stamp_s)) {
     throw std::invalid_argument("ping of stamp " + std::to_string(stamp_s) +
                                 " s; expected none earlier than the ping before, " +
                                 std::to_string(pings_.back().stamp_s) + " s");
@@ -62,6 +62,7 @@ void Track::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& le
   if (open_ == 0 || stamp_s - nodes_.back().stamp_s >= node_period_s_) {
     addNode(stamp_s, dead_reckoning);
     open_ = 1;
+    finished_ = false;
   }
   const Pose2 in_node = relative(nodes_.back().dead_reckoning, dead_reckoning);
   pings_.push_back({nodes_.size() - 1, stamp_s, in_node});

@@ -38,7 +38,7 @@ class Track {
   std::size_t addNode(double stamp_s, const Pose2& dead_reckoning);
   // Throws std::invalid_argument if the stamp is earlier than the last one.
   void addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m);
-  // The last node has all of its beams.
+  // The last node has all of its beams; a ping after that begins another.
   void finish();
 
   const std::vector<TrackNode>& nodes() const { return nodes_; }
