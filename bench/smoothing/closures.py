@@ -2,7 +2,7 @@
 
 closures.md has a table of medians and one of every survey. A survey takes some seconds; those that
 closures.jsonl has already from this build of the smoother are not smoothed again. The environment's
-CLOSURE_SEEDS (10) and CLOSURE_SCALE (0.64 of lolo3: some 20 minutes of survey) make it shorter.
+CLOSURE_SEEDS (10) and CLOSURE_SCALE (0.64 of lolo3: some 22 minutes of survey) make it shorter.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def test_a_folder_of_before_there_were_two_estimates_is_scored(saved, tmp_path):
     old = load_run(tmp_path)
     scored = evaluate(old).report
     assert scored["ate_rmse_m"] == pytest.approx(report["ate_rmse_m"], rel=1e-6)
-    new = {n for n in report if "online" in n or "nees" in n or n.startswith("closure")}
+    new = {n for n in report if n.startswith(("online", "nees", "closure"))}
     assert len(new) == 13
     assert {scored[name] for name in new} == {None}
     assert "loop_closures" not in {name for name, *_ in draw_figures(old, evaluate(old))}
