@@ -21,8 +21,9 @@ void SmoothingWorker::work() {
   using std::chrono::seconds;
   if (!is_on_ || is_last_done_) return;
   if (!running_.valid()) {
-    const bool is_due = is_over_ || (smoothing_.isDue() && may_start_());
-    if (!is_due) return;
+    // A period begins when maps have followed: in between there is time for prompts.
+    if (!may_start_()) smoothing_.putOff();
+    if (!is_over_ && !smoothing_.isDue()) return;
     start();
   }
   // from a bag the work is done here, when it is asked for

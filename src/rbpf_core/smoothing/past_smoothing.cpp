@@ -36,6 +36,12 @@ bool PastSmoothing::isDue() const {
   return *latest_s - since_s >= params_.period_s;
 }
 
+void PastSmoothing::putOff() {
+  const auto latest_s = filter_.snapshot().latestPingStamp();
+  const std::lock_guard lock(mutex_);
+  if (latest_s) last_s_ = *latest_s;
+}
+
 std::shared_ptr<const SmoothedPast> PastSmoothing::result() const {
   const std::lock_guard lock(mutex_);
   return result_;

@@ -44,6 +44,8 @@ class PastSmoothing {
 
   // Whether pings have come for another period.
   bool isDue() const;
+  // A period begins anew with the latest ping.
+  void putOff();
 
   // What the filter is to be told.
   struct News {

@@ -28,6 +28,9 @@ from rbpf_svgp_slam.maps.log_block import LogBlock
 
 # Beams of each map that are asked for at once.
 BLOCK_BEAMS = 1024
+# To follow, all maps together take in as many beams as so many rebuilds; how many histories differ is
+# counted at these parts of the log.
+FOLLOWING_REBUILDS, PROBED_PARTS = 4, (0.1, 0.3, 0.5, 0.7, 0.9)
 # Blocks that are asked for at once where maps are made again; and beams of all particles together.
 REFOLD_BLOCKS, LARGEST_READ = 20, 10_000_000
 # Live, time between two questions for new beams: a block costs more, per beam, the shorter it is.
@@ -116,7 +119,9 @@ class StreamTraining(Training):
         past, particles = self._store.newest_past, self._store.own
         if not self._store.lagging():
             return True
-        share = min(1.0, self._rebuild_beams / N) if self._rebuild_beams else 1.0
+        share = self._affordable_share(particles, epoch, N)
+        if share is None:
+            return False
         new = Refolding(self._group, particles, share)
         blocks = min(REFOLD_BLOCKS, max(1, LARGEST_READ // (len(particles) * BLOCK_BEAMS)))
         while new.next_beam < N:
@@ -136,6 +141,24 @@ class StreamTraining(Training):
             lambda: self._store.exchange(epoch, past, new.maps),
             if_it_fails=False,
         )
+
+    def _affordable_share(self, particles: list[int], epoch: int, N: int) -> float | None:
+        """The share of the log's N beams that all maps are made of anew; none: as `_follow`.
+
+        As for a rebuild, but less where most histories differ, so that all maps together cost no
+        more than a few rebuilds.
+        """
+        if not self._rebuild_beams:
+            return 1.0
+        histories = 0
+        for part in PROBED_PARTS:
+            read = self._reads.submit(self._core.read, particles, int(part * N), 1)
+            answer = read.result() if self._is_here(read, patiently=True) else None
+            if answer is None or answer.epoch != epoch:
+                return None
+            histories += len({row.tobytes() for row in answer.beams.poses})
+        mean_histories = histories / len(PROBED_PARTS)
+        return min(1.0, self._rebuild_beams / N * min(1.0, FOLLOWING_REBUILDS / mean_histories))
 
     def _fold(self, new: Refolding, epoch: int, block: LogBlock) -> bool:
         """As if the beams had come one block after the other; false: it is of no use any more."""
