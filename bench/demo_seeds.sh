@@ -22,9 +22,12 @@ from pathlib import Path
 
 columns = {
     "DR ATE (m)": "dr_ate_rmse_m",
-    "RBPF ATE (m)": "ate_rmse_m",
-    "DR final (m)": "dr_final_error_m",
-    "RBPF final (m)": "final_error_m",
+    "online ATE (m)": "online_ate_rmse_m",
+    "its ideal": "ideal_online_ate_rmse_m",
+    "final ATE (m)": "ate_rmse_m",
+    "its ideal ": "ideal_ate_rmse_m",
+    "DR at the end (m)": "dr_final_error_m",
+    "RBPF at the end (m)": "final_error_m",
     "map RMSE (m)": "map_rmse_m",
     "1 m grid RMSE (m)": "grid_rmse_m",
 }
