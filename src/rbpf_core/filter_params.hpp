@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "rbpf_core/fix.hpp"
 #include "rbpf_core/minibatch.hpp"
 #include "rbpf_core/motion_model.hpp"
 #include "rbpf_core/ping_filter.hpp"
@@ -23,6 +24,7 @@ struct FilterParams {
   OdometryParams odometry;
   MotionNoise motion;
   PingFilterParams pings;
+  FixParams fixes;
   // Pings that may wait for odometry at or after their stamps.
   std::size_t ping_queue = 200;
   // Pings younger than this are not drawn into minibatches; 0: the paper's.

@@ -9,6 +9,7 @@
 
 #include "rbpf_core/append_only.hpp"
 #include "rbpf_core/filter_params.hpp"
+#include "rbpf_core/fix.hpp"
 #include "rbpf_core/known_error.hpp"
 #include "rbpf_core/log_block.hpp"
 #include "rbpf_core/mbes_log.hpp"
@@ -78,13 +79,16 @@ struct SurveyPing {
   Beams levelled_m;
 };
 
-// Every ping taken in, and its beams. Only grows: a snapshot says how far it may be read.
+// Every ping taken in, its beams, and every fix. Only grows: a snapshot says how far it may be
+// read.
 struct SurveyLog {
   AppendOnly<PingRecord, 4096> pings;
   // Beams that maps are trained on: the paper's D_t.
   MbesLog training;
   // Beams of the pings kept out of it, for evaluation.
   MbesLog held_out;
+  // In the order in which they came.
+  AppendOnly<FixRecord, 256> fixes;
 };
 
 // The filter as it was when the snapshot was taken. A copy of a few pointers and numbers: it stays
@@ -111,6 +115,10 @@ class FilterSnapshot {
   std::vector<SurveyPing> survey(std::size_t first, std::size_t count,
                                  std::size_t stride = 1) const;
   const PingRecord& record(std::size_t ping) const { return log_->pings[ping]; }
+
+  // Fixes taken, those that came late where they came.
+  std::size_t fixes() const { return fixes_; }
+  const FixRecord& fix(std::size_t i) const { return log_->fixes[i]; }
 
   std::size_t pings() const { return pings_; }
   std::size_t pingsWaiting() const { return pings_waiting_; }
@@ -155,6 +163,7 @@ class FilterSnapshot {
   // Null before the first odometry.
   StampedParticles::ConstPtr particles_;
   std::shared_ptr<const Eigen::ArrayXd> log_weights_;
+  std::size_t fixes_ = 0;
   std::size_t pings_ = 0;
   std::size_t pings_waiting_ = 0;
   std::size_t beams_ = 0;

@@ -122,6 +122,13 @@ std::optional<Refusal> InputGate::checkPing(double stamp_s, const std::string& f
   return std::nullopt;
 }
 
+// ---- fixes ---------------------------------------------------------------------------------
+
+std::optional<Refusal> InputGate::checkFix(double stamp_s, double receipt_s) const {
+  return checkClock("fix of stamp " + seconds(stamp_s), stamp_s, receipt_s,
+                    "Is the clock of its source set?");
+}
+
 // ---- clocks --------------------------------------------------------------------------------
 
 std::optional<Refusal> InputGate::checkClock(const std::string& name, double stamp_s,

@@ -59,6 +59,7 @@ class InputGate {
   // What is wrong with a message; nothing if it has passed.
   std::optional<Refusal> check(const Odometry& odometry, double receipt_s);
   std::optional<Refusal> checkPing(double stamp_s, const std::string& frame, double receipt_s);
+  std::optional<Refusal> checkFix(double stamp_s, double receipt_s) const;
 
  private:
   // Stamps of the pings of one sensor, as they came.

@@ -15,6 +15,8 @@ struct KnownError {
   Pose2 pose;
   // Of x, y, yaw in map, at that stamp and pose.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  // Stamp of the last absolute fix that this agrees with; none: the start alone says where map is.
+  std::optional<double> last_fix_s = std::nullopt;
 
   // At a later stamp and another pose: it has grown by the motion's noise, and an error in yaw has
   // moved what is far away.

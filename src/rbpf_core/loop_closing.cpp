@@ -25,8 +25,12 @@ LoopClosing::LoopClosing(ParticleFilter& filter, Maps& maps, LoopClosingParams p
 // ---- Algorithm 2 ---------------------------------------------------------------------------
 
 StepResult LoopClosing::step() {
+  weighFixes();
   // Algorithm 2: prompt, at the rate f_LC, once all maps are ready.
-  if (!isDue()) return {StepOutcome::kNotDue};
+  if (!isDue()) {
+    if (!fixes_weighed_ || !whyNotReady().empty()) return {StepOutcome::kNotDue};
+    return resampleIfDue({StepOutcome::kNotDue});
+  }
   const PlacedPing ping = filter_.snapshot().latestPing().value();
   last_prompt_s_ = surveySecondsOf(ping.stamp_s);
   if (const std::string why = whyNotReady(); !why.empty()) {
@@ -38,10 +42,15 @@ StepResult LoopClosing::step() {
   const StepResult weighed = weigh(ping);
   if (weighed.outcome == StepOutcome::kFailed) return weighed;
 
+  return resampleIfDue(weighed);
+}
+
+StepResult LoopClosing::resampleIfDue(const StepResult& otherwise) {
+  fixes_weighed_ = false;
   // Algorithm 2: the N_eff rule. Asked even if this ping has said nothing: a resampling that was
   // rolled back is still due.
   const Eigen::ArrayXd weights = filter_.snapshot().logWeights().exp();
-  if (!params_.resample_when(weights)) return weighed;
+  if (!params_.resample_when(weights)) return otherwise;
 
   // Algorithm 2: resampling plan, the ancestor of each particle. One draw for each resampling.
   RandomStream stream = makeStream(filter_.params().seed, StreamPurpose::kResampling, 0, epoch_);
@@ -82,6 +91,16 @@ std::string LoopClosing::whyNotReady() const {
 }
 
 // ---- weights -------------------------------------------------------------------------------
+
+void LoopClosing::weighFixes() {
+  for (const auto& [fix, particles] : filter_.takeFixesToWeigh()) {
+    const Eigen::ArrayXd log_likelihood = fixLikelihood(fix, particles->poses);
+    filter_.setLogWeights(
+        updateWeights(filter_.snapshot().logWeights(), log_likelihood, params_.weighting)
+            .log_weights);
+    fixes_weighed_ = true;
+  }
+}
 
 StepResult LoopClosing::weigh(const PlacedPing& ping) {
   const Clock::time_point start = Clock::now();

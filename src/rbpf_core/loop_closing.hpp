@@ -67,6 +67,8 @@ class LoopClosing {
  public:
   LoopClosing(ParticleFilter& filter, Maps& maps, LoopClosingParams params);
 
+  // Weighs the fixes that have come, whether a prompt is due or not: the N_eff rule is asked after
+  // them too, as soon as maps are ready. Then
   // Algorithm 2, if the latest ping is at least 1/rate younger than the last prompt's, gaps in the
   // odometry not counted. Waits for the maps, never for the filter. To be called as often as you
   // like.
@@ -92,6 +94,8 @@ class LoopClosing {
   LoopClosingStatistics statistics() const;
 
  private:
+  void weighFixes();
+  StepResult resampleIfDue(const StepResult& otherwise);
   // A stamp on a clock that stands still in gaps.
   double surveySecondsOf(double stamp_s) const;
   std::string whyNotReady() const;
@@ -107,6 +111,8 @@ class LoopClosing {
   std::atomic<std::uint32_t> epoch_{0};
   std::atomic<bool> resampling_{false};
   // Survey seconds of the last prompt's ping.
+  // Fixes have been weighed since the N_eff rule was asked.
+  bool fixes_weighed_ = false;
   double last_prompt_s_ = -std::numeric_limits<double>::infinity();
   mutable std::mutex mutex_;  // guards statistics_
   LoopClosingStatistics statistics_;

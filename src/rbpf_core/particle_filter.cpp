@@ -75,7 +75,7 @@ void ParticleFilter::addOdometry(const Odometry& odometry) {
   ++counters_.odometry_messages;
   const double keep_since_s =
       std::clamp(keep_since_s_.value_or(odometry.stamp_s), odometry.stamp_s - kKeptAtMost_s,
-                 odometry.stamp_s - kRecent_s);
+                 odometry.stamp_s - std::max(kRecent_s, params_.fixes.max_late_s));
   while (recent_.size() > 2 && recent_[1]->odometry.stamp_s < keep_since_s) recent_.pop_front();
   takeInWaiting();
   releaseHeldBack();
@@ -164,6 +164,14 @@ void ParticleFilter::takeInWaiting() {
     }
     waiting_.erase(waiting_.begin());
   }
+  while (!waiting_fixes_.empty() && waiting_fixes_.begin()->first <= now_s) {
+    try {
+      takeIn(waiting_fixes_.begin()->second);
+    } catch (const Refusal&) {
+      // as above
+    }
+    waiting_fixes_.erase(waiting_fixes_.begin());
+  }
 }
 
 std::deque<StampedParticles::ConstPtr>::const_iterator ParticleFilter::firstNotBefore(
@@ -173,21 +181,24 @@ std::deque<StampedParticles::ConstPtr>::const_iterator ParticleFilter::firstNotB
       [](const auto& particles, double stamp) { return particles->odometry.stamp_s < stamp; });
 }
 
-void ParticleFilter::expectPoseAt(const Ping& ping) {
+void ParticleFilter::expectPoseAt(double stamp_s, InputKind kind, const std::string& name) {
   const double first_s = recent_.front()->odometry.stamp_s;
-  if (ping.stamp_s < first_s) {
-    throw refuse(InputKind::kPing, Reason::kNoOdometry,
-                 nameOf(ping) + " dropped: the odometry kept begins at " + decimal(first_s, 3) +
-                     " s. Do pings come late, or is the sonar's clock behind?");
+  if (stamp_s < first_s) {
+    throw refuse(
+        kind, Reason::kNoOdometry,
+        name + " dropped: the odometry kept begins at " + decimal(first_s, 3) + " s. " +
+            (kind == InputKind::kPing
+                 ? "Do pings come late, or is the sonar's clock behind?"
+                 : "Do fixes come later than fixes/max_late_s, or is their clock behind?"));
   }
-  const auto after = firstNotBefore(ping.stamp_s);
+  const auto after = firstNotBefore(stamp_s);
   const double after_s = (*after)->odometry.stamp_s;
-  if (after_s == ping.stamp_s) return;
+  if (after_s == stamp_s) return;
   const double before_s = (*std::prev(after))->odometry.stamp_s;
   if (after_s - before_s <= params_.odometry.max_bridge_s) return;
-  throw refuse(InputKind::kPing, Reason::kInGap,
-               nameOf(ping) + " dropped: there is no odometry from " + decimal(before_s, 3) +
-                   " to " + decimal(after_s, 3) + " s, and no pose is known for longer than " +
+  throw refuse(kind, Reason::kInGap,
+               name + " dropped: there is no odometry from " + decimal(before_s, 3) + " to " +
+                   decimal(after_s, 3) + " s, and no pose is known for longer than " +
                    decimal(params_.odometry.max_bridge_s, 1) + " s without");
 }
 
@@ -209,7 +220,7 @@ StampedParticles ParticleFilter::particlesAt(double stamp_s) const {
 }
 
 void ParticleFilter::takeIn(const Ping& ping) {
-  expectPoseAt(ping);
+  expectPoseAt(ping.stamp_s, InputKind::kPing, nameOf(ping));
   const StampedParticles particles = particlesAt(ping.stamp_s);
   const Attitude& attitude = particles.odometry.attitude;
   const Beams beams =
@@ -265,6 +276,9 @@ void ParticleFilter::finish() {
   refuse(InputKind::kPing, Reason::kNoOdometry, "the survey ended before odometry for a ping came",
          waiting_.size());
   waiting_.clear();
+  refuse(InputKind::kFix, Reason::kNoOdometry, "the survey ended before odometry for a fix came",
+         waiting_fixes_.size());
+  waiting_fixes_.clear();
   releaseHeldBack();
 }
 
@@ -310,6 +324,7 @@ void ParticleFilter::replacePast(const Prepare& prepare, const Change& change,
     const auto found = after.find(particles);
     particles = found != after.end() ? found->second : changed(*particles);
   }
+  for (FixToWeigh& fix : to_weigh_) fix.particles = changed(*fix.particles);
 }
 
 void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
@@ -400,6 +415,7 @@ void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_l
   if (new_log_weights) published_.log_weights_ = std::move(new_log_weights);
   published_.trajectories_ = histories_.trajectories();
   published_.particles_ = recent_.empty() ? nullptr : recent_.back();
+  published_.fixes_ = log_.fixes.size();
   published_.pings_ = log_.pings.size();
   published_.pings_waiting_ = waiting_.size();
   published_.beams_ = log_.training.size();

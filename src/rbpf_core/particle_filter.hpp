@@ -20,9 +20,9 @@ namespace rbpf_core {
 // its end.
 //
 // Every member may be called from any thread. All of them report what they refuse by an exception
-// that names the value and what was expected: Refusal for an odometry message or a ping, which has
-// then been counted, and the filter goes on as if it had not come; std::invalid_argument for any
-// other argument.
+// that names the value and what was expected: Refusal for an odometry message, a ping or a fix,
+// which has then been counted, and the filter goes on as if it had not come; std::invalid_argument
+// for any other argument.
 class ParticleFilter {
  public:
   explicit ParticleFilter(const FilterParams& params);
@@ -35,6 +35,19 @@ class ParticleFilter {
   // without a good beam, from a time for which there is no odometry, or from within a long gap of
   // it. If too many wait for odometry, it is the oldest of them that is dropped and named.
   void addPing(Ping ping);
+
+  // Takes a fix at once, or as soon as the odometry has passed its stamp; it is then to be weighed.
+  // Refused: what is not finite, no covariance, from a time for which there is no odometry, and
+  // what contradicts the odometry.
+  void addFix(const Fix& fix);
+
+  // Fixes taken since the last call, with the particles as they were at their stamps. To be called
+  // by the thread that resamples: particles keep their numbers in between.
+  struct FixToWeigh {
+    Fix fix;
+    StampedParticles::ConstPtr particles;
+  };
+  std::vector<FixToWeigh> takeFixesToWeigh();
 
   // Pings of this stamp and later ones will yet be added: their odometry is kept, for two minutes
   // at most. Without a stamp it is kept for some seconds.
@@ -81,10 +94,13 @@ class ParticleFilter {
   void expectUsable(const Odometry& odometry);
   StampedParticles startAt(const Odometry& odometry) const;
   StampedParticles propagate(const StampedParticles& from, const Odometry& odometry);
-  void expectPoseAt(const Ping& ping);
+  void expectPoseAt(double stamp_s, InputKind kind, const std::string& name);
   StampedParticles particlesAt(double stamp_s) const;
   std::deque<StampedParticles::ConstPtr>::const_iterator firstNotBefore(double stamp_s) const;
   void takeIn(const Ping& ping);
+  void takeIn(const Fix& fix);
+  void expectUsable(const Fix& fix, const std::string& name);
+  void expectAgreement(const Fix& fix, const std::string& name, const StampedParticles& particles);
   Eigen::ArrayXd weights() const;
   void takeInWaiting();
   void releaseHeldBack();
@@ -117,6 +133,8 @@ class ParticleFilter {
   std::optional<double> keep_since_s_;
   // Pings by stamp, for which no odometry has come yet.
   std::multimap<double, Ping> waiting_;
+  std::multimap<double, Fix> waiting_fixes_;
+  std::vector<FixToWeigh> to_weigh_;
   SurveyLog log_;
   TrajectoryHistories histories_;
   // Corrections of the past committed, and what the last one has said of the odometry.

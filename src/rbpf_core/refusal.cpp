@@ -32,8 +32,14 @@ const char* nameOf(Reason reason) {
       return "implausible_pose";
     case Reason::kImplausibleMount:
       return "implausible_mount";
+    case Reason::kNoFix:
+      return "no_fix";
+    case Reason::kContradicts:
+      return "contradicts";
     case Reason::kNoMount:
       return "no_mount";
+    case Reason::kNoOrigin:
+      return "no_origin";
     case Reason::kNoOdometry:
       return "no_odometry";
     case Reason::kInGap:
@@ -46,10 +52,22 @@ const char* nameOf(Reason reason) {
   throw std::logic_error("a reason without a name");
 }
 
+const char* groupOf(InputKind kind) {
+  switch (kind) {
+    case InputKind::kOdometry:
+      return "odometry/";
+    case InputKind::kPing:
+      return "pings/";
+    case InputKind::kFix:
+      return "fixes/";
+  }
+  throw std::logic_error("a kind without a name");
+}
+
 }  // namespace
 
 std::string nameOf(InputKind kind, Reason reason) {
-  return (kind == InputKind::kOdometry ? "odometry/" : "pings/") + std::string(nameOf(reason));
+  return groupOf(kind) + std::string(nameOf(reason));
 }
 
 bool RefusalCounts::add(InputKind kind, Reason reason, const std::string& what,

@@ -26,15 +26,18 @@ enum class Reason {
   kImplausibleTwist,
   kImplausiblePose,
   kImplausibleMount,
+  kNoFix,
+  kContradicts,
   // nothing is, but the node cannot use it
   kNoMount,
+  kNoOrigin,
   kNoOdometry,
   kInGap,
   kQueueFull,
   kSurveyOver,
 };
 
-// For machines: "pings/no_mount", "odometry/out_of_order".
+// For machines: "pings/no_mount", "odometry/out_of_order", "fixes/contradicts".
 std::string nameOf(InputKind kind, Reason reason);
 
 // What is wrong with a message, the value, and what was expected.

@@ -175,6 +175,22 @@ void Intake::retryUnmounted() {
   lookAtNewPings();
 }
 
+// ---- fixes ---------------------------------------------------------------------------------
+
+void Intake::take(const FixInput& input, double receipt_s) {
+  const rbpf_core::Fix fix = toFix(input, params_.frames, params_.fix_input);
+  if (receipt_s <= 0.0) receipt_s = fix.stamp_s;
+  const std::lock_guard lock(mutex_);
+  if (const auto refusal = gate(fix.stamp_s, receipt_s).checkFix(fix.stamp_s, receipt_s)) {
+    throw *refusal;
+  }
+  try {
+    filter_.addFix(fix);
+  } catch (const Refusal& refusal) {  // the filter has counted it
+    ROS_WARN_THROTTLE(kWarningPeriod_s, "Fix refused: %s", refusal.what());
+  }
+}
+
 // The filter takes pings in when their odometry comes, which may be later than they.
 void Intake::lookAtNewPings() {
   const rbpf_core::FilterSnapshot filter = filter_.snapshot();

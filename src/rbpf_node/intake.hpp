@@ -14,6 +14,7 @@
 #include "rbpf_core/mount_gate.hpp"
 #include "rbpf_core/particle_filter.hpp"
 #include "rbpf_core/survey_checks.hpp"
+#include "rbpf_node/inputs/fix_input.hpp"
 #include "rbpf_node/inputs/odometry_input.hpp"
 #include "rbpf_node/inputs/ping_input.hpp"
 #include "rbpf_node/mount_queue.hpp"
@@ -50,6 +51,7 @@ class Intake {
   // receipt_s: when the message came, or was recorded; 0 where no clock runs yet. Throws Refusal.
   void take(const OdometryInput& input, double receipt_s);
   void take(PingInput input, double receipt_s);
+  void take(const FixInput& input, double receipt_s);
 
   // Counts messages that were not taken in, and says so.
   void refuse(rbpf_core::InputKind kind, rbpf_core::Reason reason, const std::string& what);

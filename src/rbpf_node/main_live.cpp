@@ -39,6 +39,7 @@ int main(int argc, char** argv) {
     ros::NodeHandle& input = spinning.inputNode();
     const auto odometry = subscribe(input, "odom", rbpf_core::InputKind::kOdometry, &door);
     const auto pings = subscribe(input, "mbes/pings", rbpf_core::InputKind::kPing, &door);
+    const auto fixes = subscribe(input, "fixes", rbpf_core::InputKind::kFix, &door);
     slam.maps().listen();
     // a map node asks for minibatches and for blocks of beams; one more for who exports the survey
     spinning.start(2 * params.nodes + 1);

@@ -63,6 +63,8 @@ void SlamNode::handle(PingInput input, double receipt_s) {
   publishers_.publishPing(stamp);
 }
 
+void SlamNode::handle(const FixInput& input, double receipt_s) { intake_.take(input, receipt_s); }
+
 bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   finish();
   // Offline there is nobody to wait for: the replay itself sees to the end.
@@ -126,6 +128,7 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
                          rbpf_svgp_slam::FilterStatus* status) const {
   status->odometry_messages = filter.counters().odometry_messages;
   status->pings = filter.pings();
+  status->fixes = filter.fixes();
   status->beams = filter.beams();
   status->beams_held_out = filter.beamsHeldOut();
   status->beams_rejected = filter.counters().beams_rejected;
@@ -134,6 +137,8 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
   status->pings_waiting = intake.pings_without_mount + filter.pingsWaiting();
   status->pings_dropped = intake.refused.dropped(rbpf_core::InputKind::kPing);
   status->pings_rejected = intake.refused.rejected(rbpf_core::InputKind::kPing);
+  status->fixes_refused = intake.refused.rejected(rbpf_core::InputKind::kFix) +
+                          intake.refused.dropped(rbpf_core::InputKind::kFix);
   for (const auto& [what, count] : intake.refused.counts()) {
     status->refusal_reasons.push_back(nameOf(what.first, what.second));
     status->refusal_counts.push_back(count.messages);
@@ -205,6 +210,8 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("pings waiting", now.pings_waiting);
   report.add("pings dropped", now.pings_dropped);
   report.add("pings rejected", now.pings_rejected);
+  report.add("fixes", now.fixes);
+  report.add("fixes refused", now.fixes_refused);
   for (std::size_t i = 0; i < now.refusal_reasons.size(); ++i) {
     report.add(now.refusal_reasons[i],
                std::to_string(now.refusal_counts[i]) + "; first: " + now.refusal_examples[i]);

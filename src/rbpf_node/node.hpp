@@ -26,6 +26,7 @@ class SlamNode {
   // receipt_s: when the message came, or was recorded. Throws Refusal.
   void handle(const OdometryInput& input, double receipt_s);
   void handle(PingInput input, double receipt_s);
+  void handle(const FixInput& input, double receipt_s);
 
   // A step of Algorithm 2, if one is due, and the smoothing of the past; waits for the map nodes,
   // and logs what goes wrong. To be called from one thread, as often as you like.

@@ -50,7 +50,10 @@ double OfflineReplay::run(const OfflineParameters& offline) {
   for (const StampedMessage& message : order.messages) {
     if (ros::isShuttingDown()) throw std::runtime_error("interrupted");
     door_.takeIn(message.kind, rawMessage(message.instance), message.instance.getTime().toSec());
-    survey_s = std::max(survey_s, surveyTime(message.stamp.toSec() - order.begin_s, order.begin_s));
+    if (message.kind != rbpf_core::InputKind::kFix) {  // it is no survey
+      survey_s =
+          std::max(survey_s, surveyTime(message.stamp.toSec() - order.begin_s, order.begin_s));
+    }
     trainUpTo(survey_s);
     slam_.closeLoops();
     progress_.update(survey_s, [this] { return counts(); });

@@ -2,6 +2,8 @@
 
 #include <ros/names.h>
 
+#include <cmath>
+
 #include "rbpf_node/parameter_reader.hpp"
 
 namespace rbpf_node {
@@ -66,6 +68,33 @@ std::optional<rbpf_core::Pose2> startPose(ParameterReader& reader) {
   return rbpf_core::Pose2{pose[0], pose[1], pose[2]};
 }
 
+FixInputParams fixInput(ParameterReader& reader) {
+  FixInputParams params;
+  const std::vector<double> origin = reader.numbers("survey_origin");
+  const bool is_place =
+      origin.size() == 2 && std::abs(origin[0]) <= 90.0 && std::abs(origin[1]) <= 360.0;
+  if (!origin.empty() && !is_place) {
+    std::string written;
+    for (const double number : origin) {
+      written += (written.empty() ? "[" : ", ") + std::to_string(number);
+    }
+    ParameterReader::fail("survey_origin", written + "]",
+                          "[latitude, longitude] in degrees within +-90 and +-360, or []");
+  }
+  if (is_place) params.survey_origin = Geographic{origin[0], origin[1]};
+  params.std_m = reader.number("fixes/std_m", 0.001, kUnlimited);
+  return params;
+}
+
+rbpf_core::FixParams fixes(ParameterReader& reader) {
+  rbpf_core::FixParams params;
+  params.max_sigmas = reader.number("fixes/max_sigmas", 1.0, kUnlimited);
+  params.drift_mps = reader.number("fixes/drift_mps", 0.0, kUnlimited);
+  params.max_late_s = reader.number("fixes/max_late_s", 10.0, 120.0);
+  params.max_std_m = reader.number("fixes/max_std_m", 0.1, kUnlimited);
+  return params;
+}
+
 rbpf_core::PingFilterParams pingFilter(ParameterReader& reader) {
   rbpf_core::PingFilterParams params;
   params.min_range_m = reader.number("pings/min_range_m", 0.0, kUnlimited);
@@ -90,6 +119,7 @@ rbpf_core::FilterParams filter(ParameterReader& reader) {
   params.motion.sway_std_m = reader.number("motion/sway_std_m", 0.0, kUnlimited);
   params.motion.yaw_std_rad = reader.number("motion/yaw_std_rad", 0.0, kUnlimited);
   params.pings = pingFilter(reader);
+  params.fixes = fixes(reader);
   params.ping_queue = static_cast<std::size_t>(reader.integer("pings/queue", 1, 1000000));
   params.hold_back_s = reader.number("mapping/hold_back_s", 0.0, kUnlimited);
   params.common_random_numbers = reader.boolean("mapping/common_random_numbers");
@@ -162,6 +192,7 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
                    withoutSlash(reader.text("frames/odom")),
                    withoutSlash(reader.text("frames/base"))};
   params.survey_area_m = surveyArea(reader);
+  params.fix_input = fixInput(reader);
   params.gate = gate(reader);
   params.filter = filter(reader);
   params.filter.odometry = params.gate.odometry;
@@ -190,7 +221,8 @@ OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree) {
                           "true before the map nodes start, as in offline.launch: they would not "
                           "wait for the replay");
   }
-  return {reader.text("~bag"), {reader.text("~odom_topic"), reader.text("~ping_topic")}};
+  return {reader.text("~bag"),
+          {reader.text("~odom_topic"), reader.text("~ping_topic"), reader.text("~fix_topic")}};
 }
 
 Parameters loadParameters(const ros::NodeHandle& node) {
@@ -207,11 +239,13 @@ OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node) {
   tree["~bag"] = std::string();
   tree["~odom_topic"] = std::string("/odom");
   tree["~ping_topic"] = std::string("/mbes/pings");
+  tree["~fix_topic"] = std::string("/fixes");
   tree["~take_turns"] = false;
   for (auto& [name, value] : tree) private_node.getParam(name.substr(1), value);
   OfflineParameters offline = validOfflineParameters(tree);
   // in the node's namespace, as subscribers have them
-  for (std::string* topic : {&offline.topics.odometry, &offline.topics.pings}) {
+  for (std::string* topic :
+       {&offline.topics.odometry, &offline.topics.pings, &offline.topics.fixes}) {
     *topic = ros::names::resolve(*topic);
   }
   return offline;

@@ -14,6 +14,7 @@
 #include "rbpf_core/smoothing/past_smoothing.hpp"
 #include "rbpf_core/weighting.hpp"
 #include "rbpf_node/frames.hpp"
+#include "rbpf_node/inputs/fix_input.hpp"
 
 namespace rbpf_node {
 
@@ -23,6 +24,7 @@ struct Parameters {
   Frames frames;
   // in map
   std::vector<Eigen::Vector2d> survey_area_m;
+  FixInputParams fix_input;
   rbpf_core::GateParams gate;
   rbpf_core::FilterParams filter;
   rbpf_core::WeightingParams loop_closure;
@@ -41,6 +43,8 @@ struct Parameters {
 struct OfflineTopics {
   std::string odometry;
   std::string pings;
+  // Empty: none.
+  std::string fixes;
 };
 
 // What only an offline replay is told: private parameters of its node.
@@ -56,7 +60,7 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree);
 OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree);
 
 // Read the tree from the parameter server, and check it: the namespace `rbpf_svgp_slam` of the
-// node's own namespace; ~bag, ~odom_topic, ~ping_topic and ~take_turns.
+// node's own namespace; ~bag, ~odom_topic, ~ping_topic, ~fix_topic and ~take_turns.
 Parameters loadParameters(const ros::NodeHandle& node);
 OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node);
 

@@ -48,8 +48,9 @@ void SmoothingWorker::tellFilter() {
   }
   if (!is_last_) return;
   const auto found = result();
-  ROS_INFO("Past smoothed: %zu of %zu closures accepted, %.1f s of work in all.", found->accepted,
-           found->closures.size(), found->seconds);
+  ROS_INFO(
+      "Past smoothed: %zu of %zu closures accepted, %zu absolute fixes, %.1f s of work in all.",
+      found->accepted, found->closures.size(), found->fixes, found->seconds);
   is_last_done_ = true;
 }
 

@@ -22,6 +22,8 @@ std::string findTopic(const rosbag::Bag& bag, const std::string& name, rbpf_core
     topics.insert(connection->topic);
   }
   const std::string topic = topicInBag(name, topics);
+  const bool may_be_missing = kind == rbpf_core::InputKind::kFix;
+  if (topic.empty() && may_be_missing) return "";
   if (topic.empty()) {
     std::string known;
     for (const std::string& one : topics) known += (known.empty() ? "" : ", ") + one;
@@ -76,6 +78,7 @@ void setTimes(const rbpf_core::ClockParams& clock, StampOrder* order) {
   order->clock_offset_s = rbpf_core::clockOffset(std::move(ahead_s), clock);
   bool first = true;
   for (const StampedMessage& message : order->messages) {
+    if (message.kind == rbpf_core::InputKind::kFix) continue;
     const double ahead = stampMinusReceipt(message) - order->clock_offset_s;
     if (ahead > clock.max_ahead_s || ahead < -clock.max_behind_s) continue;
     if (first) order->begin_s = message.stamp.toSec();
@@ -98,7 +101,8 @@ void openBag(const std::string& path, rosbag::Bag* bag) {
 OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag) {
   openBag(path, bag);
   return {findTopic(*bag, topics.odometry, rbpf_core::InputKind::kOdometry),
-          findTopic(*bag, topics.pings, rbpf_core::InputKind::kPing)};
+          findTopic(*bag, topics.pings, rbpf_core::InputKind::kPing),
+          findTopic(*bag, topics.fixes, rbpf_core::InputKind::kFix)};
 }
 
 StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics,
@@ -106,6 +110,7 @@ StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics,
   StampOrder order;
   collect(bag, topics.odometry, rbpf_core::InputKind::kOdometry, &order);
   collect(bag, topics.pings, rbpf_core::InputKind::kPing, &order);
+  if (!topics.fixes.empty()) collect(bag, topics.fixes, rbpf_core::InputKind::kFix, &order);
   if (order.messages.empty()) {
     throw std::runtime_error(bag.getFileName() + " holds no message that can be read");
   }

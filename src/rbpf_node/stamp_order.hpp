@@ -1,4 +1,4 @@
-// A bag's odometry and pings in the order in which they were measured.
+// A bag's odometry, pings and fixes in the order in which they were measured.
 #pragma once
 
 #include <rosbag/bag.h>
@@ -36,12 +36,12 @@ struct StampOrder {
 // Opens a bag to be read. Throws std::runtime_error that names it, and what is wrong with it.
 void openBag(const std::string& path, rosbag::Bag* bag);
 
-// Opens a bag and checks that it holds both topics, of types that are taken; returns their names as
-// the bag has them (see topicInBag). Throws std::runtime_error that names the bag, and what is
-// wrong with it.
+// Opens a bag and checks that it holds the topics, of types that are taken; fixes may be missing.
+// Returns their names as the bag has them (see topicInBag), empty for what is missing. Throws
+// std::runtime_error that names the bag, and what is wrong with it.
 OfflineTopics openBag(const std::string& path, const OfflineTopics& topics, rosbag::Bag* bag);
 
-// All messages of both topics by header.stamp, whenever they were received; odometry before a ping
+// All messages of the topics by header.stamp, whenever they were received; odometry before a ping
 // of the same stamp, so that the ping need not wait for the next one. They refer to the bag.
 StampOrder inStampOrder(const rosbag::Bag& bag, const OfflineTopics& topics,
                         const rbpf_core::ClockParams& clock);

@@ -355,5 +355,16 @@ TEST(MountGate, TellsOnceOfAMountThatChanges) {
   EXPECT_NE(turned[0].text.find("turned by 0.011 rad"), std::string::npos) << turned[0].text;
 }
 
+// ---- fixes -------------------------------------------------------------------------------------
+
+TEST(InputGateFixes, MayBeLateButNotOfAnotherClock) {
+  const InputGate gate{GateParams()};
+  EXPECT_FALSE(gate.checkFix(1000.0, 1060.0).has_value());
+  EXPECT_FALSE(gate.checkFix(1000.0, 990.0).has_value());
+  EXPECT_EQ(gate.checkFix(0.0, 1000.0)->reason(), Reason::kNoStamp);
+  EXPECT_EQ(gate.checkFix(1011.0, 1000.0)->reason(), Reason::kClockAhead);
+  EXPECT_EQ(gate.checkFix(1000.0, 4601.0)->reason(), Reason::kClockBehind);
+}
+
 }  // namespace
 }  // namespace rbpf_core

@@ -10,12 +10,12 @@ namespace {
 
 TEST(NameOf, IsAnotherForEveryKindAndReason) {
   std::set<std::string> names;
-  for (const InputKind kind : {InputKind::kOdometry, InputKind::kPing}) {
+  for (const InputKind kind : {InputKind::kOdometry, InputKind::kPing, InputKind::kFix}) {
     for (int reason = 0; reason <= static_cast<int>(Reason::kSurveyOver); ++reason) {
       names.insert(nameOf(kind, static_cast<Reason>(reason)));
     }
   }
-  EXPECT_EQ(names.size(), 2U * (static_cast<std::size_t>(Reason::kSurveyOver) + 1));
+  EXPECT_EQ(names.size(), 3U * (static_cast<std::size_t>(Reason::kSurveyOver) + 1));
   EXPECT_EQ(names.count("pings/no_mount"), 1U);
   EXPECT_EQ(names.count("odometry/out_of_order"), 1U);
 }

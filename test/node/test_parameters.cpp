@@ -3,6 +3,7 @@
 
 #include <sstream>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -71,6 +72,16 @@ Fields fieldsOf(const rbpf_core::PingFilterParams& params) {
   return {FIELD(min_range_m), FIELD(max_range_m), FIELD(outlier_window), FIELD(outlier_threshold)};
 }
 
+Fields fieldsOf(const rbpf_core::FixParams& params) {
+  const auto& [max_sigmas, drift_mps, max_late_s, max_std_m] = params;
+  return {FIELD(max_sigmas), FIELD(drift_mps), FIELD(max_late_s), FIELD(max_std_m)};
+}
+
+Fields fieldsOf(const FixInputParams& params) {
+  const auto& [survey_origin, std_m] = params;
+  return {{"survey_origin", survey_origin ? "set" : "none"}, FIELD(std_m)};
+}
+
 Fields fieldsOf(const rbpf_core::Origin& origin) {
   const auto& [x_m, y_m] = origin;
   return {FIELD(x_m), FIELD(y_m)};
@@ -95,8 +106,8 @@ Fields fieldsOf(const rbpf_core::GateParams& params) {
 
 Fields fieldsOf(const rbpf_core::FilterParams& params) {
   const auto& [particles, seed, start_pose, start_position_std_m, start_yaw_std_rad, odometry,
-               motion, pings, ping_queue, hold_back_s, holdout, common_random_numbers, origin] =
-      params;
+               motion, pings, fixes, ping_queue, hold_back_s, holdout, common_random_numbers,
+               origin] = params;
   Fields fields = {FIELD(particles),
                    FIELD(seed),
                    FIELD(start_pose),
@@ -109,6 +120,7 @@ Fields fieldsOf(const rbpf_core::FilterParams& params) {
   append("odometry", fieldsOf(odometry), &fields);
   append("motion", fieldsOf(motion), &fields);
   append("pings", fieldsOf(pings), &fields);
+  append("fixes", fieldsOf(fixes), &fields);
   append("origin", fieldsOf(origin), &fields);
   return fields;
 }
@@ -132,11 +144,32 @@ Fields fieldsOf(const Frames& frames) {
   return {FIELD(map), FIELD(odom), FIELD(base)};
 }
 
+Fields fieldsOf(const rbpf_core::smoothing::PastSmoothingParams& params) {
+  const auto& [period_s, min_change_m, map_tolerance_m, smoothing] = params;
+  const auto& [velocity_bias_std_mps, yaw_bias_std_radps, bias_time_s] = std::tie(
+      smoothing.velocity_bias_std_mps, smoothing.yaw_bias_std_radps, smoothing.bias_time_s);
+  const auto& [node_period_s, window_s, map_window_s, min_apart_s, passes, effective_beams,
+               max_search_m] = smoothing.registration;
+  return {FIELD(period_s),
+          FIELD(min_change_m),
+          FIELD(map_tolerance_m),
+          FIELD(bias_time_s),
+          FIELD(velocity_bias_std_mps),
+          FIELD(yaw_bias_std_radps),
+          FIELD(window_s),
+          FIELD(node_period_s),
+          FIELD(map_window_s),
+          FIELD(min_apart_s),
+          FIELD(passes),
+          FIELD(effective_beams),
+          FIELD(max_search_m)};
+}
+
 Fields fieldsOf(const Parameters& params) {
-  const auto& [nodes, frames, survey_area_m, gate, filter, loop_closure, loop_closure_rate_hz,
-               loop_closure_timeout_s, resampling_threshold, resampling_timeout_s,
-               offline_steps_per_second, final_training_s, publish_rate_hz, bathymetry_voxel_m] =
-      params;
+  const auto& [nodes, frames, survey_area_m, fix_input, gate, filter, loop_closure,
+               loop_closure_rate_hz, loop_closure_timeout_s, resampling_threshold,
+               resampling_timeout_s, smoothing, offline_steps_per_second, final_training_s,
+               publish_rate_hz, bathymetry_voxel_m] = params;
   Fields fields = {FIELD(nodes),
                    FIELD(loop_closure_rate_hz),
                    FIELD(loop_closure_timeout_s),
@@ -147,9 +180,11 @@ Fields fieldsOf(const Parameters& params) {
                    FIELD(publish_rate_hz),
                    FIELD(bathymetry_voxel_m)};
   append("frames", fieldsOf(frames), &fields);
+  append("fix_input", fieldsOf(fix_input), &fields);
   append("gate", fieldsOf(gate), &fields);
   append("filter", fieldsOf(filter), &fields);
   append("loop_closure", fieldsOf(loop_closure), &fields);
+  append("smoothing", fieldsOf(smoothing), &fields);
   return fields;
 }
 
@@ -170,6 +205,19 @@ TEST(Defaults, AreThoseOfTheShippedFile) {
 TEST(ValidParameters, WantASurveyArea) {
   const XmlRpcValue tree = treeOf(YAML::LoadFile(RBPF_CONFIG "/default.yaml"));
   EXPECT_TRUE(contains(refusalOf(tree), "survey_area is a list of 0 points, expected a polygon"));
+}
+
+TEST(ValidParameters, TakeTheSurveysOriginAsLatitudeAndLongitude) {
+  XmlRpcValue tree = defaultTree();
+  tree["survey_origin"] = treeOf(YAML::Load("[57.5, 11]"));
+  const auto origin = validParameters(tree).fix_input.survey_origin;
+  ASSERT_TRUE(origin.has_value());
+  EXPECT_EQ(origin->latitude_deg, 57.5);
+  EXPECT_EQ(origin->longitude_deg, 11.0);
+  for (const char* wrong : {"[57.5]", "[97.5, 11.0]", "[1, 2, 3]"}) {
+    tree["survey_origin"] = treeOf(YAML::Load(wrong));
+    EXPECT_TRUE(contains(refusalOf(tree), "expected [latitude, longitude] in degrees")) << wrong;
+  }
 }
 
 TEST(ValidParameters, CountCoordinatesFromTheMiddleOfTheSurveyArea) {
@@ -213,6 +261,7 @@ XmlRpcValue offlineTree() {
   tree["~bag"] = std::string("survey.bag");
   tree["~odom_topic"] = std::string("/odom");
   tree["~ping_topic"] = std::string("/mbes/pings");
+  tree["~fix_topic"] = std::string("/fixes");
   tree["~take_turns"] = true;
   return tree;
 }
@@ -222,6 +271,7 @@ TEST(ValidOfflineParameters, AreTheBagAndItsTopics) {
   EXPECT_EQ(params.bag, "survey.bag");
   EXPECT_EQ(params.topics.odometry, "/odom");
   EXPECT_EQ(params.topics.pings, "/mbes/pings");
+  EXPECT_EQ(params.topics.fixes, "/fixes");
 }
 
 TEST(ValidOfflineParameters, WantTurnsToBeTaken) {

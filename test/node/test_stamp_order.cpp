@@ -1,3 +1,4 @@
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
 #include <sensor_msgs/PointCloud2.h>
@@ -15,7 +16,7 @@
 namespace rbpf_node {
 namespace {
 
-const OfflineTopics kTopics{"/odom", "/pings"};
+const OfflineTopics kTopics{"/odom", "/pings", "/fixes"};
 
 class StampOrderTest : public testing::Test {
  protected:
@@ -45,8 +46,8 @@ class StampOrderTest : public testing::Test {
   // What has been written; the messages refer to bag_.
   StampOrder readBack() {
     writer_.close();
-    openBag(path_, kTopics, &bag_);
-    return inStampOrder(bag_, kTopics, rbpf_core::ClockParams());
+    const OfflineTopics topics = openBag(path_, kTopics, &bag_);
+    return inStampOrder(bag_, topics, rbpf_core::ClockParams());
   }
 
   const std::string path_ =
@@ -72,6 +73,19 @@ TEST_F(StampOrderTest, IsThatOfTheHeadersWheneverTheMessagesCame) {
     EXPECT_EQ(order.messages[i].kind, kinds[i]);
   }
   EXPECT_EQ(order.messages[1].instance.getTime().toSec(), 6.0);
+}
+
+TEST_F(StampOrderTest, HasFixesWhereThereAreAny) {
+  write<nav_msgs::Odometry>("/odom", 1.0, 1.0);
+  write<nav_msgs::Odometry>("/odom", 5.0, 5.0);
+  write<sensor_msgs::PointCloud2>("/pings", 2.0, 2.0);
+  write<geometry_msgs::PoseWithCovarianceStamped>("/fixes", 4.0, 1.0);  // late
+  write<geometry_msgs::PoseWithCovarianceStamped>("/fixes", 9.0, 9.0);
+  const StampOrder order = readBack();
+  ASSERT_EQ(order.messages.size(), 5U);
+  EXPECT_EQ(order.messages[1].kind, rbpf_core::InputKind::kFix);
+  EXPECT_EQ(order.messages[1].stamp.toSec(), 1.0);
+  EXPECT_EQ(order.end_s, 5.0);  // a fix is no survey
 }
 
 TEST_F(StampOrderTest, NamesTheSensorsFrames) {

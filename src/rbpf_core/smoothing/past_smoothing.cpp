@@ -18,6 +18,16 @@ SmoothingParams withFilters(SmoothingParams smoothing, const FilterParams& filte
   return smoothing;
 }
 
+// Of what the smoother takes; there are pings.
+double latestStamp(const FilterSnapshot& snapshot) {
+  const double ping_s = *snapshot.latestPingStamp();
+  if (snapshot.fixes() == 0) return ping_s;
+  return std::max(ping_s, snapshot.fix(snapshot.fixes() - 1).fix.stamp_s);
+}
+
+// So much later than a fix there will be no ping of its time, s.
+constexpr double kLatePing_s = 10.0;
+
 }  // namespace
 
 PastSmoothing::PastSmoothing(const ParticleFilter& filter, const PastSmoothingParams& params)
@@ -29,11 +39,10 @@ PastSmoothing::PastSmoothing(const ParticleFilter& filter, const PastSmoothingPa
 bool PastSmoothing::isDue() const {
   if (params_.period_s <= 0.0) return false;
   const FilterSnapshot snapshot = filter_.snapshot();
-  const auto latest_s = snapshot.latestPingStamp();
-  if (!latest_s) return false;
+  if (snapshot.pings() == 0) return false;
   const std::lock_guard lock(mutex_);
   const double since_s = std::isnan(last_s_) ? snapshot.start()->stamp_s : last_s_;
-  return *latest_s - since_s >= params_.period_s;
+  return latestStamp(snapshot) - since_s >= params_.period_s;
 }
 
 void PastSmoothing::putOff() {
@@ -52,6 +61,7 @@ PastSmoothing::News PastSmoothing::smooth(bool is_over) {
   const FilterSnapshot snapshot = filter_.snapshot();
   if (snapshot.pings() == 0) return {};
   takePings(snapshot);
+  takeFixes(snapshot, is_over);
   if (is_over) smoother_->finishPings();
   smoother_->update();
   if (is_over) smoother_->registerAgain();
@@ -59,6 +69,7 @@ PastSmoothing::News PastSmoothing::smooth(bool is_over) {
   SmoothedPast result = *this->result();
   result.closures = smoother_->closures();
   result.accepted = smoother_->accepted();
+  result.fixes = smoother_->fixes();
   result.nodes = smoother_->graph().poses();
   if (is_over) {
     const std::vector<Eigen::Matrix3d> of_pings = smoother_->covariancesOfPings();
@@ -68,12 +79,13 @@ PastSmoothing::News PastSmoothing::smooth(bool is_over) {
   News news;
   news.correction = correction(snapshot, is_over, &result);
   const std::size_t last = smoother_->graph().size() - 1;
-  news.known_error = KnownError{smoother_->track().nodes()[last].stamp_s, result.nodes[last],
-                                PoseGraph::Covariances(smoother_->graph()).of(last)};
+  news.known_error =
+      KnownError{smoother_->track().nodes()[last].stamp_s, result.nodes[last],
+                 PoseGraph::Covariances(smoother_->graph()).of(last), smoother_->lastGoodFix()};
   result.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const std::lock_guard lock(mutex_);
   result_ = std::make_shared<const SmoothedPast>(std::move(result));
-  last_s_ = *snapshot.latestPingStamp();
+  last_s_ = latestStamp(snapshot);
   return news;
 }
 
@@ -92,10 +104,27 @@ void PastSmoothing::takePings(const FilterSnapshot& snapshot) {
   }
 }
 
+// Those that are younger than the last ping wait: a ping of their time may be on its way.
+void PastSmoothing::takeFixes(const FilterSnapshot& snapshot, bool is_over) {
+  for (; fixes_seen_ < snapshot.fixes(); ++fixes_seen_) {
+    waiting_fixes_.push_back(snapshot.fix(fixes_seen_));
+  }
+  std::stable_sort(
+      waiting_fixes_.begin(), waiting_fixes_.end(),
+      [](const FixRecord& a, const FixRecord& b) { return a.fix.stamp_s < b.fix.stamp_s; });
+  const double known_s = std::max(smoother_->track().pings().back().stamp_s,
+                                  snapshot.estimate().stamp_s - kLatePing_s);
+  auto fix = waiting_fixes_.begin();
+  for (; fix != waiting_fixes_.end() && (is_over || fix->fix.stamp_s <= known_s); ++fix) {
+    smoother_->addFix(*fix);
+  }
+  waiting_fixes_.erase(waiting_fixes_.begin(), fix);
+}
+
 // C(t) = X~(t) X(t)^-1, X the mean of the histories.
 std::optional<PastCorrection> PastSmoothing::correction(const FilterSnapshot& snapshot,
                                                         bool is_over, SmoothedPast* result) {
-  if (!smoother_->hasClosures()) return std::nullopt;
+  if (!smoother_->knowsMore()) return std::nullopt;
   const Eigen::ArrayXd weights = snapshot.logWeights().exp();
   const std::vector<Pose2> smoothed = smoother_->posesOfPings();
   PastCorrection correction;

@@ -27,6 +27,8 @@ struct PastSmoothingParams {
 struct SmoothedPast {
   std::vector<Closure> closures;
   std::size_t accepted = 0;
+  // In the graph.
+  std::size_t fixes = 0;
   // Of the graph's nodes.
   std::vector<Pose2> nodes;
   // Of the log's pings, x, y, yaw in map; empty before the survey's end.
@@ -42,7 +44,7 @@ class PastSmoothing {
   // The motion noise and the start's deviations are the filter's.
   PastSmoothing(const ParticleFilter& filter, const PastSmoothingParams& params);
 
-  // Whether pings have come for another period.
+  // Whether pings or fixes have come for another period.
   bool isDue() const;
   // A period begins anew with the latest ping.
   void putOff();
@@ -65,6 +67,7 @@ class PastSmoothing {
  private:
   News smooth(bool is_over);
   void takePings(const FilterSnapshot& snapshot);
+  void takeFixes(const FilterSnapshot& snapshot, bool is_over);
   std::optional<PastCorrection> correction(const FilterSnapshot& snapshot, bool is_over,
                                            SmoothedPast* result);
 
@@ -76,6 +79,9 @@ class PastSmoothing {
   // it: pings that come late, after younger ones, move with those.
   std::size_t taken_ = 0;
   std::vector<std::size_t> stands_for_;
+  // Fixes of the log looked at so far, and those that wait for the pings about them.
+  std::size_t fixes_seen_ = 0;
+  std::vector<FixRecord> waiting_fixes_;
   // By how much histories may have moved since maps last followed, m.
   double not_followed_m_ = 0.0;
 

@@ -101,13 +101,19 @@ struct PoseError {
 
 struct PositionError {
   Eigen::Vector2d position_m;
+  Eigen::Vector2d lever_m;
   Eigen::Matrix2d root_information;
 
   template <typename T>
   bool operator()(const T* pose, T* residual) const {
+    using std::cos;
+    using std::sin;
     Eigen::Map<Eigen::Matrix<T, 2, 1>> r(residual);
-    r = root_information.cast<T>() *
-        (Eigen::Matrix<T, 2, 1>(pose[0], pose[1]) - position_m.cast<T>());
+    const T c = cos(pose[2]);
+    const T s = sin(pose[2]);
+    const Eigen::Matrix<T, 2, 1> at(pose[0] + c * lever_m.x() - s * lever_m.y(),
+                                    pose[1] + s * lever_m.x() + c * lever_m.y());
+    r = root_information.cast<T>() * (at - position_m.cast<T>());
     return true;
   }
 };
@@ -264,8 +270,9 @@ void PoseGraph::clearClosures() {
 }
 
 std::size_t PoseGraph::addFix(std::size_t i, const Eigen::Vector2d& position_m,
-                              const Eigen::Matrix2d& covariance_m2) {
-  const PositionError error{position_m, rootInformation<2>(covariance_m2)};
+                              const Eigen::Matrix2d& covariance_m2,
+                              const Eigen::Vector2d& lever_m) {
+  const PositionError error{position_m, lever_m, rootInformation<2>(covariance_m2)};
   const auto block = problem_->AddResidualBlock(
       new ceres::AutoDiffCostFunction<PositionError, 2, 3>(new PositionError(error)),
       new ceres::CauchyLoss(std::sqrt(kKernel2)), poses_.at(i).data());

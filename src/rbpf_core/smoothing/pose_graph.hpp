@@ -35,9 +35,11 @@ class PoseGraph {
   std::size_t addClosure(std::size_t k, std::size_t j, const UncertainPose& relative);
   void clearClosures();
 
-  // Of node i in map; its yaw is not told. Returns the fix's number.
+  // Of a point in node i's frame, in map; the node's yaw is told only by way of it. Returns the
+  // fix's number.
   std::size_t addFix(std::size_t i, const Eigen::Vector2d& position_m,
-                     const Eigen::Matrix2d& covariance_m2);
+                     const Eigen::Matrix2d& covariance_m2,
+                     const Eigen::Vector2d& lever_m = Eigen::Vector2d::Zero());
 
   void solve();
 

@@ -68,7 +68,56 @@ void Smoother::addNodes() {
   }
 }
 
+void Smoother::addFix(const FixRecord& record) {
+  const double stamp_s = record.fix.stamp_s;
+  if (stamp_s - track_.nodes().back().stamp_s > params_.registration.node_period_s) {
+    track_.addNode(stamp_s, record.dead_reckoning);
+    addNodes();
+  }
+  const std::size_t node = nodeNextTo(stamp_s);
+  const Pose2 lever = relative(track_.nodes()[node].dead_reckoning, record.dead_reckoning);
+  graph_.addFix(node, record.fix.position_m,
+                record.fix.covariance_m2 + covarianceOfLever(node, record), {lever.x_m, lever.y_m});
+  fix_stamps_s_.push_back(stamp_s);
+  fixes_pending_ = true;
+}
+
+std::optional<double> Smoother::lastGoodFix() const {
+  std::optional<double> last_s;
+  for (std::size_t i = 0; i < fixes(); ++i) {
+    if (graph_.weightOfFix(i) < 0.5) continue;
+    last_s = std::max(fix_stamps_s_[i], last_s.value_or(fix_stamps_s_[i]));
+  }
+  return last_s;
+}
+
+std::size_t Smoother::nodeNextTo(double stamp_s) const {
+  const std::vector<TrackNode>& nodes = track_.nodes();
+  const auto after =
+      std::upper_bound(nodes.begin(), nodes.end(), stamp_s,
+                       [](double stamp, const TrackNode& node) { return stamp < node.stamp_s; });
+  const auto i = static_cast<std::size_t>(after - nodes.begin());
+  if (i == 0) return 0;
+  if (i == nodes.size()) return i - 1;
+  return stamp_s - nodes[i - 1].stamp_s <= nodes[i].stamp_s - stamp_s ? i - 1 : i;
+}
+
+// What the odometry may have drifted between a node and a fix, whatever the heading.
+Eigen::Matrix2d Smoother::covarianceOfLever(std::size_t node, const FixRecord& record) const {
+  const TrackNode& at = track_.nodes()[node];
+  const MotionNoise& noise = params_.motion;
+  const double duration_s = std::abs(record.fix.stamp_s - at.stamp_s);
+  const double position_std_m = std::max(noise.surge_std_m, noise.sway_std_m);
+  const double length_m = std::hypot(record.dead_reckoning.x_m - at.dead_reckoning.x_m,
+                                     record.dead_reckoning.y_m - at.dead_reckoning.y_m);
+  const double aside_std_m = noise.yaw_std_rad * length_m;
+  return duration_s * (position_std_m * position_std_m + aside_std_m * aside_std_m / 3.0) *
+         Eigen::Matrix2d::Identity();
+}
+
 void Smoother::update() {
+  if (fixes_pending_) graph_.solve();
+  fixes_pending_ = false;
   // A window is complete when the nodes after it are there.
   std::size_t complete = track_.complete();
   const double last_s = track_.nodes().back().stamp_s;
@@ -117,6 +166,7 @@ void Smoother::closeLoops(std::size_t first, std::size_t last) {
 
 void Smoother::registerNode(std::size_t j, const std::vector<Pose2>& poses,
                             const std::function<const PoseGraph::Covariances&()>& covariances) {
+  if (track_.nodes()[j].beams_m.cols() == 0) return;  // the place of a fix
   const std::vector<std::size_t> older = olderPasses(j, poses);
   if (older.empty()) return;
   const Track::Range range = track_.around(j, params_.registration.window_s);
@@ -183,6 +233,7 @@ std::vector<std::size_t> Smoother::olderPasses(std::size_t j,
   double last_near_s = -std::numeric_limits<double>::infinity();
   for (std::size_t k = 1; k < j; ++k) {  // the start has no beams
     if (nodes[j].stamp_s - nodes[k].stamp_s < params_.registration.min_apart_s) break;
+    if (nodes[k].beams_m.cols() == 0) continue;  // the place of a fix
     const double near_m = kNear * (nodes[j].half_width_m + nodes[k].half_width_m);
     const double distance_m = std::hypot(poses[j].x_m - poses[k].x_m, poses[j].y_m - poses[k].y_m);
     if (!(distance_m < near_m)) continue;
@@ -198,7 +249,8 @@ std::vector<std::size_t> Smoother::olderPasses(std::size_t j,
   std::vector<std::size_t> older;
   for (const Pass& pass : passes) {
     if (older.size() == static_cast<std::size_t>(params_.registration.passes)) break;
-    older.push_back(std::max<std::size_t>(1, pass.node / kEvery * kEvery));
+    const std::size_t k = std::max<std::size_t>(1, pass.node / kEvery * kEvery);
+    older.push_back(nodes[k].beams_m.cols() > 0 ? k : pass.node);
   }
   return older;
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "rbpf_core/fix.hpp"
 #include "rbpf_core/smoothing/local_map.hpp"
 #include "rbpf_core/smoothing/pose_graph.hpp"
 #include "rbpf_core/smoothing/registration.hpp"
@@ -30,14 +31,6 @@ struct Closure {
   double weight = 0.0;
 };
 
-// An absolute position, as of GPS at the surface.
-struct Fix {
-  double stamp_s = 0.0;
-  // Of base_link in map.
-  Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Identity();
-};
-
 // Incremental in work: a window is registered once, its map made once, and the graph starts from
 // its last solution. Used by one thread at a time.
 class Smoother {
@@ -47,6 +40,10 @@ class Smoother {
 
   // The survey in its order. Throws std::invalid_argument for a stamp earlier than the last.
   void addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m);
+  // A fix at its own stamp, in any order: it tells of the node next to it in time, by the dead
+  // reckoning between both. Well after the last node it gets a node of its own, after which pings
+  // should be no older.
+  void addFix(const FixRecord& record);
   void finishPings() { track_.finish(); }
 
   // Registers what is complete by now, a stretch at a time, and solves the graph after each.
@@ -62,6 +59,11 @@ class Smoother {
   // Whether any closure has been accepted.
   bool hasClosures() const { return accepted_ > 0; }
   std::size_t accepted() const { return accepted_; }
+  std::size_t fixes() const { return fix_stamps_s_.size(); }
+  // Of the last fix that counts for more than half.
+  std::optional<double> lastGoodFix() const;
+  // Whether there is anything that the filter does not know.
+  bool knowsMore() const { return hasClosures() || fixes() > 0; }
 
   // Of every ping, in map.
   std::vector<Pose2> posesOfPings() const;
@@ -70,6 +72,8 @@ class Smoother {
 
  private:
   void addNodes();
+  std::size_t nodeNextTo(double stamp_s) const;
+  Eigen::Matrix2d covarianceOfLever(std::size_t node, const FixRecord& record) const;
   void closeLoops(std::size_t first, std::size_t last);
   std::vector<std::size_t> olderPasses(std::size_t j, const std::vector<Pose2>& poses) const;
   const LocalMap& mapOf(std::size_t k, const std::vector<Pose2>& poses);
@@ -88,6 +92,9 @@ class Smoother {
   std::vector<std::size_t> in_graph_;  // closures_ that are, in the order of the graph's
   std::vector<std::size_t> pending_;   // accepted, not in the graph yet
   std::size_t accepted_ = 0;
+  std::vector<double> fix_stamps_s_;  // in the order of the graph's
+  // Fixes have come since the graph was solved.
+  bool fixes_pending_ = false;
   // The next node to be registered.
   std::size_t next_ = 0;
 };

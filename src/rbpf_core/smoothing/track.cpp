@@ -60,7 +60,8 @@ void Track::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& le
                                 std::to_string(pings_.back().stamp_s) + " s");
   }
   if (open_ == 0 || stamp_s - nodes_.back().stamp_s >= node_period_s_) {
-    addNode(stamp_s, dead_reckoning);
+    // a ping that comes late may be a little older than the place of a fix
+    addNode(nodes_.empty() ? stamp_s : std::max(stamp_s, nodes_.back().stamp_s), dead_reckoning);
     open_ = 1;
     finished_ = false;
   }

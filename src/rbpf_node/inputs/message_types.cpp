@@ -4,8 +4,10 @@
 #include <vector>
 
 #include "rbpf_node/inputs/from_laser_scan.hpp"
+#include "rbpf_node/inputs/from_nav_sat_fix.hpp"
 #include "rbpf_node/inputs/from_odometry.hpp"
 #include "rbpf_node/inputs/from_point_cloud2.hpp"
+#include "rbpf_node/inputs/from_pose_with_covariance.hpp"
 
 namespace rbpf_node {
 
@@ -22,6 +24,7 @@ constexpr rbpf_core::InputKind kindOf(const OdometryInput*) {
   return rbpf_core::InputKind::kOdometry;
 }
 constexpr rbpf_core::InputKind kindOf(const PingInput*) { return rbpf_core::InputKind::kPing; }
+constexpr rbpf_core::InputKind kindOf(const FixInput*) { return rbpf_core::InputKind::kFix; }
 
 template <typename Message, typename Result>
 MessageType messageType(Result (*convert)(const Message&)) {
@@ -34,9 +37,8 @@ MessageType messageType(Result (*convert)(const Message&)) {
 // Another message is a function in a file of its own, and a line here.
 const std::vector<MessageType>& messageTypes() {
   static const std::vector<MessageType> types = {
-      messageType(fromOdometry),
-      messageType(fromPointCloud2),
-      messageType(fromLaserScan),
+      messageType(fromOdometry),           messageType(fromPointCloud2), messageType(fromLaserScan),
+      messageType(fromPoseWithCovariance), messageType(fromNavSatFix),
   };
   return types;
 }

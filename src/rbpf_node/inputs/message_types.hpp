@@ -5,6 +5,7 @@
 #include <variant>
 
 #include "rbpf_core/input_kind.hpp"
+#include "rbpf_node/inputs/fix_input.hpp"
 #include "rbpf_node/inputs/odometry_input.hpp"
 #include "rbpf_node/inputs/ping_input.hpp"
 #include "rbpf_node/inputs/raw_message.hpp"
@@ -12,7 +13,7 @@
 namespace rbpf_node {
 
 // alternatives in the order of InputKind
-using AnyInput = std::variant<OdometryInput, PingInput>;
+using AnyInput = std::variant<OdometryInput, PingInput, FixInput>;
 
 // What a message says. Throws Refusal if something is wrong with it; a type of which topics of this
 // kind cannot be is wrong too.

@@ -54,6 +54,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     add("--rate", default="1", help="times real time")
     add("--odometry", required=True, metavar="TOPIC", help="as the filter subscribes to it")
     add("--pings", required=True, metavar="TOPIC")
+    add("--fixes", default="fixes", metavar="TOPIC", help="played if the bag has it")
     add("--ground-truth", required=True, metavar="TOPIC", help="played if the bag has it")
     return parser.parse_args(list(arguments))
 
@@ -67,7 +68,8 @@ def _command(options: argparse.Namespace) -> list[str]:
         as_subscribed(n): topic_in_bag(as_subscribed(n), topics, meaning, options.bag)
         for n, meaning in wanted
     }
-    for name in (as_subscribed(options.ground_truth), *TRANSFORMS):
+    optional = (options.fixes, options.ground_truth)
+    for name in (*map(as_subscribed, optional), *TRANSFORMS):
         try:
             played[name] = topic_in_bag(name, topics, "", options.bag)
         except TopicError:

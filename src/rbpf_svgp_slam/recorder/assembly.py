@@ -116,6 +116,7 @@ def _statistics(recording: Recording, survey: Any, pings_lost: int, bag: str) ->
         "findings": list(status.findings),
         "velocity_source": status.velocity_source,
         "odometry_gaps": int(status.odometry_gaps),
+        "fixes": int(status.fixes),
         "ground_truth_refused": dict(recording.ground_truth.refused),
         "provenance": provenance(bag, survey.stamp_s),
     }

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+
+#include "rbpf_node/inputs/fix_input.hpp"
+
+namespace rbpf_node {
+
+// Its x and y, with their covariance unless that is zero. Depth and orientation are left out of
+// account: pressure sensor and AHRS know them.
+FixInput fromPoseWithCovariance(const geometry_msgs::PoseWithCovarianceStamped& message);
+
+}  // namespace rbpf_node
