@@ -61,7 +61,7 @@ void Track::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& le
   }
   if (open_ == 0 || stamp_s - nodes_.back().stamp_s >= node_period_s_) {
     // a ping that comes late may be a little older than the place of a fix
-    addNode(nodes_.empty() ? stamp_s : std::max(stamp_s, nodes_.back().stamp_s), dead_reckoning);
+    addNode(pings_.empty() ? stamp_s : std::max(stamp_s, nodes_.back().stamp_s), dead_reckoning);
     open_ = 1;
     finished_ = false;
   }
