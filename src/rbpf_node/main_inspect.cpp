@@ -41,7 +41,7 @@ void run(const std::vector<std::string>& arguments) {
     throw std::runtime_error("expected F.bag, or F.bag FOLDER ODOM PINGS [TRUTH]");
   }
   rbpf_node::BagInspection inspection(rbpf_node::validParameters(treeFrom(std::cin)));
-  inspection.read(bag, rbpf_node::openBag(arguments[0], {arguments[2], arguments[3]}, &bag));
+  inspection.read(bag, rbpf_node::openBag(arguments[0], {arguments[2], arguments[3], {}}, &bag));
   if (arguments.size() == 5) inspection.readGroundTruth(bag, arguments[4]);
   inspection.write(arguments[1]);
 }

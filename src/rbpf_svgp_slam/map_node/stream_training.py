@@ -28,8 +28,8 @@ from rbpf_svgp_slam.maps.log_block import LogBlock
 
 # Beams of each map that are asked for at once.
 BLOCK_BEAMS = 1024
-# To follow, all maps together take in as many beams as so many rebuilds; how many histories differ is
-# counted at these parts of the log.
+# To follow, all maps together take in as many beams as so many rebuilds; how many histories differ
+# is counted at these parts of the log.
 FOLLOWING_REBUILDS, PROBED_PARTS = 4, (0.1, 0.3, 0.5, 0.7, 0.9)
 # Blocks that are asked for at once where maps are made again; and beams of all particles together.
 REFOLD_BLOCKS, LARGEST_READ = 20, 10_000_000
