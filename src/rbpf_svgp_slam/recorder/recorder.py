@@ -39,7 +39,7 @@ PATH_POSES = 4000
 # With nodes that publish a status twice a second, or the core, on top of its own period.
 STATUS_PATIENCE_S = 10.0
 # With maps that have still to follow the last correction of the past, after the final training.
-FOLLOWING_PATIENCE_S = 120.0
+FOLLOWING_PATIENCE_S = 30.0
 FAILURES = (RuntimeError, ValueError, OSError, rosbag.ROSBagException, rospy.ServiceException)
 
 
