@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rbpf_core/rigid.hpp"
+#include "rbpf_core/smoothing/thinned.hpp"
 
 namespace rbpf_core::smoothing {
 
@@ -55,14 +56,6 @@ Eigen::Vector3d difference(const Pose2& a, const Pose2& b) {
 
 double squaredDistance(const Eigen::Vector3d& d, const Eigen::Matrix3d& covariance) {
   return d.dot(covariance.ldlt().solve(d));
-}
-
-Beams thinned(const Beams& beams_m, Eigen::Index wanted) {
-  const Eigen::Index n = beams_m.cols();
-  if (n <= wanted) return beams_m;
-  Beams out(3, wanted);
-  for (Eigen::Index i = 0; i < wanted; ++i) out.col(i) = beams_m.col(i * n / wanted);
-  return out;
 }
 
 class Registrar {

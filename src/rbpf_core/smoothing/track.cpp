@@ -5,6 +5,7 @@
 #include <string>
 
 #include "rbpf_core/rigid.hpp"
+#include "rbpf_core/smoothing/thinned.hpp"
 
 namespace rbpf_core::smoothing {
 
@@ -20,15 +21,6 @@ Beams placed(const Beams& beams_m, const Pose2& pose) {
   out.row(0).array() += static_cast<float>(pose.x_m);
   out.row(1).array() += static_cast<float>(pose.y_m);
   out.row(2) = beams_m.row(2);
-  return out;
-}
-
-// Of n numbers, `wanted` at equal distances.
-Beams thinned(const Beams& beams_m, Eigen::Index wanted) {
-  const Eigen::Index n = beams_m.cols();
-  if (n <= wanted) return beams_m;
-  Beams out(3, wanted);
-  for (Eigen::Index i = 0; i < wanted; ++i) out.col(i) = beams_m.col(i * n / wanted);
   return out;
 }
 
