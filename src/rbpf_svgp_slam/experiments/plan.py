@@ -158,6 +158,7 @@ _EXPERIMENTS = {
                 # Every particle goes where dead reckoning goes, and no weight ever changes.
                 "motion": {"surge_std_m": 0.0, "sway_std_m": 0.0, "yaw_std_rad": 0.0},
                 "lc": {"rate_hz": 0.0},
+                "smoothing": {"period_s": 0.0},
                 "mapping": {"hold_back_s": 0.0},
                 "svgp": {"inducing_points": 400, "minibatch_size": 1000},
             },
