@@ -187,7 +187,8 @@ class Surveys(unittest.TestCase):
                 self.assertEqual(status, 0, output)
                 report = self.check_run_folder(output)
                 self.assertGreater(report["resamplings"], 0, output)
-                self.assertNotRegex(output, "failed|refused|undone")
+                # loop closures may be
+                self.assertNotRegex(re.sub("Closures:.*", "", output), "failed|refused|undone")
 
     def test_live_until_saved(self):
         running = subprocess.Popen(
