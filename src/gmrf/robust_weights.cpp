@@ -3,20 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gmrf/robust_spread.hpp"
+
 namespace gmrf {
 
 namespace {
 
 constexpr double kDegreesOfFreedom = 4.0;
 constexpr int kIterations = 6;
-// Of a normal distribution: standard deviation over median absolute deviation.
-constexpr double kStdOverMad = 1.4826;
-
-double median(Eigen::VectorXd values) {
-  const auto middle = values.data() + values.size() / 2;
-  std::nth_element(values.data(), middle, values.data() + values.size());
-  return *middle;
-}
 
 }  // namespace
 
@@ -31,7 +25,7 @@ Eigen::VectorXd robustWeights(Map& map, const FieldModel& field, const Beams& be
     trial.fold(beams, weights);
     const Prediction seabed = trial.predict(places, field, Variances::kNone);
     const Eigen::ArrayXd residual = beams.row(2).transpose() - seabed.mean_m;
-    const double spread_m = kStdOverMad * median(residual.abs());
+    const double spread_m = robustStd(residual.matrix());
     const double scale2 = std::max(field.beamVariance(), spread_m * spread_m);
     weights =
         ((kDegreesOfFreedom + 1.0) / (kDegreesOfFreedom + residual.square() / scale2)).min(1.0);

@@ -63,6 +63,15 @@ Eigen::Matrix3d weightedCovariance(const std::vector<Pose2>& poses, const Eigen:
   return covariance;
 }
 
+Eigen::Matrix3d covarianceOfEstimate(const StampedParticles& particles,
+                                     const Eigen::ArrayXd& weights, const Pose2& mean,
+                                     const std::optional<KnownError>& known_error,
+                                     const MotionNoise& noise) {
+  const Eigen::Matrix3d spread = weightedCovariance(particles.poses, weights, mean);
+  if (!known_error) return spread;
+  return largerOf(spread, known_error->covarianceAt(particles.odometry.stamp_s, mean, noise));
+}
+
 Estimate FilterSnapshot::estimate() const {
   if (!particles_) return {};
   const Eigen::ArrayXd weights = log_weights_->exp();
@@ -70,12 +79,8 @@ Estimate FilterSnapshot::estimate() const {
   estimate.stamp_s = particles_->odometry.stamp_s;
   estimate.attitude = particles_->odometry.attitude;
   estimate.mean = weightedMean(particles_->poses, weights);
-  estimate.covariance = weightedCovariance(particles_->poses, weights, estimate.mean);
-  if (known_error_) {
-    estimate.covariance =
-        largerOf(estimate.covariance,
-                 known_error_->covarianceAt(estimate.stamp_s, estimate.mean, params_->motion));
-  }
+  estimate.covariance =
+      covarianceOfEstimate(*particles_, weights, estimate.mean, known_error_, params_->motion);
   estimate.odometry = particles_->odometry.pose;
   estimate.dead_reckoning = particles_->dead_reckoning;
   return estimate;

@@ -183,4 +183,10 @@ Pose2 weightedMean(const std::vector<Pose2>& poses, const Eigen::ArrayXd& weight
 Eigen::Matrix3d weightedCovariance(const std::vector<Pose2>& poses, const Eigen::ArrayXd& weights,
                                    const Pose2& mean);
 
+// Of their mean: the particles' spread, or what is known otherwise where that is larger.
+Eigen::Matrix3d covarianceOfEstimate(const StampedParticles& particles,
+                                     const Eigen::ArrayXd& weights, const Pose2& mean,
+                                     const std::optional<KnownError>& known_error,
+                                     const MotionNoise& noise);
+
 }  // namespace rbpf_core

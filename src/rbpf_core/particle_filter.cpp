@@ -238,8 +238,8 @@ void ParticleFilter::takeIn(const Ping& ping) {
   const Pose2 online = weightedMean(particles.poses, w);
   const PoseSlot slot = histories_.append(particles.poses);
   log_.pings.push_back({ping.stamp_s, attitude, particles.dead_reckoning, online,
-                        onlineCovariance(particles, w, online), slot, beam_log.size(),
-                        static_cast<std::uint32_t>(beams.cols()), held_out});
+                        covarianceOfEstimate(particles, w, online, known_error_, params_.motion),
+                        slot, beam_log.size(), static_cast<std::uint32_t>(beams.cols()), held_out});
   beam_log.append(slot, beams);
   releaseHeldBack();
 }
@@ -346,15 +346,6 @@ void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
 void ParticleFilter::setKnownError(const KnownError& error) {
   const WriterLock lock(this);
   known_error_ = error;
-}
-
-Eigen::Matrix3d ParticleFilter::onlineCovariance(const StampedParticles& particles,
-                                                 const Eigen::ArrayXd& weights,
-                                                 const Pose2& mean) const {
-  const Eigen::Matrix3d spread = weightedCovariance(particles.poses, weights, mean);
-  if (!known_error_) return spread;
-  return largerOf(spread,
-                  known_error_->covarianceAt(particles.odometry.stamp_s, mean, params_.motion));
 }
 
 // ---- corrections of the past ---------------------------------------------------------------

@@ -104,8 +104,6 @@ class ParticleFilter {
   Eigen::ArrayXd weights() const;
   void takeInWaiting();
   void releaseHeldBack();
-  Eigen::Matrix3d onlineCovariance(const StampedParticles& particles, const Eigen::ArrayXd& weights,
-                                   const Pose2& mean) const;
   bool isHeldOut(std::size_t ping) const;
   // Counts them; to be thrown if somebody has just brought one.
   Refusal refuse(InputKind kind, Reason reason, const std::string& what, std::size_t messages = 1);

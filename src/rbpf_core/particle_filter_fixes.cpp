@@ -80,9 +80,9 @@ void ParticleFilter::expectAgreement(const Fix& fix, const std::string& name,
   const std::optional<double> last_fix_s = known_error_ ? known_error_->last_fix_s : std::nullopt;
   const double alone_s = std::max(fix.stamp_s - last_fix_s.value_or(start_->stamp_s), 0.0);
   const double drift_m = params_.fixes.drift_mps * alone_s;
-  const Eigen::Matrix2d expected = onlineCovariance(particles, w, mean).topLeftCorner<2, 2>() +
-                                   fix.covariance_m2 +
-                                   drift_m * drift_m * Eigen::Matrix2d::Identity();
+  const Eigen::Matrix2d expected =
+      covarianceOfEstimate(particles, w, mean, known_error_, params_.motion).topLeftCorner<2, 2>() +
+      fix.covariance_m2 + drift_m * drift_m * Eigen::Matrix2d::Identity();
   const Eigen::Vector2d off_m = fix.position_m - Eigen::Vector2d(mean.x_m, mean.y_m);
   const double sigmas = sigmasOf(off_m, expected);
   if (sigmas <= params_.fixes.max_sigmas) return;

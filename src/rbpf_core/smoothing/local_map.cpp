@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "gmrf/robust_spread.hpp"
 #include "gmrf/window.hpp"
 
 namespace rbpf_core::smoothing {
@@ -24,14 +25,6 @@ constexpr double kOutlier = 2.0;
 constexpr int kSolves = 3;
 // Nodes around the beams that the field has in addition.
 constexpr int kMargin = 2;
-// Of a normal distribution: standard deviation over median absolute deviation.
-constexpr double kStdOverMad = 1.4826;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // From the number of beams in cells of 1 m: the swath has holes and bent edges.
 double spacingFor(const Beams& beams_m) {
@@ -64,7 +57,10 @@ LocalMap::LocalMap(const Beams& beams_m) {
     places.push_back(gmrf::cellOf(beams_m(0, b), beams_m(1, b), spacing_m_));
     depth_m.push_back(beams_m(2, b));
   }
-  const double level_m = median(depth_m);
+  const auto asVector = [](const std::vector<double>& values) {
+    return Eigen::VectorXd::Map(values.data(), static_cast<Eigen::Index>(values.size()));
+  };
+  const double level_m = gmrf::median(asVector(depth_m));
   double spread2 = 0.0;
   for (double& z : depth_m) {
     z -= level_m;
@@ -87,7 +83,6 @@ LocalMap::LocalMap(const Beams& beams_m) {
     precision.factorise();
     precision.solve(&field);
     std::vector<double> residual(n);
-    std::vector<double> size(n);
     for (std::size_t b = 0; b < n; ++b) {
       const auto [i, j] = places[b].cell;
       const gmrf::CornerWeights phi = gmrf::cornerWeights(places[b].fx, places[b].fy);
@@ -95,9 +90,8 @@ LocalMap::LocalMap(const Beams& beams_m) {
           phi[0] * field(window.number({i, j})) + phi[1] * field(window.number({i, j + 1})) +
           phi[2] * field(window.number({i + 1, j})) + phi[3] * field(window.number({i + 1, j + 1}));
       residual[b] = depth_m[b] - at;
-      size[b] = std::abs(residual[b]);
     }
-    noise_std_m_ = std::max(kLeastNoise_m, kStdOverMad * median(size));
+    noise_std_m_ = std::max(kLeastNoise_m, gmrf::robustStd(asVector(residual)));
     for (std::size_t b = 0; b < n; ++b) {
       const double off = residual[b] / (kOutlier * noise_std_m_);
       weights[b] = 1.0 / (1.0 + off * off);

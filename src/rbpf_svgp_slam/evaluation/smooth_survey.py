@@ -18,7 +18,7 @@ from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 from rbpf_svgp_slam.run.run_files import load_run, save_run
 from rbpf_svgp_slam.run.survey_run import SurveyRun
 from rbpf_svgp_slam.smoothing.smooth_run import smooth_run
-from rbpf_svgp_slam.smoothing.smoothing_parameters import GROUPS, smoothing_params
+from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
 
 _DESCRIPTION = """Adjust the track of a survey that is over by what its passes tell each other.
 
@@ -102,7 +102,7 @@ def _overlay(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: expected a yaml file ({error})") from error
     if not isinstance(overlay, dict):
         raise ValueError(f"{path}: expected parameters by name, as in config/default.yaml")
-    for complaint in complaints(overlay, merged(default_parameters(), GROUPS)):
+    for complaint in complaints(overlay, default_parameters()):
         raise ValueError(f"{path}: {complaint}")
     return overlay
 

@@ -20,8 +20,6 @@ REGISTRATION = {
     "effective_beams": 1.0,
     "max_search_m": 1.0,
 }
-#: Names that an overlay may have besides those of config/default.yaml.
-GROUPS = {"motion": MOTION, "start": START, "smoothing": {**BIASES, **REGISTRATION}}
 
 
 def smoothing_params(config: dict[str, Any]) -> _smoothing.SmoothingParams:
