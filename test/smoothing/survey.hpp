@@ -54,9 +54,11 @@ inline std::vector<Pose2> sailed() {
   return poses;
 }
 
-inline Survey surveyOf(const Seabed& seabed, std::uint32_t seed) {
+inline Survey surveyOf(const Seabed& seabed, std::uint32_t seed, const MotionNoise& motion = {},
+                       const Sounding& sounding = {0.1, 0.02}) {
   Survey survey;
   SmoothingParams& params = survey.params;
+  params.motion = motion;
   params.velocity_bias_std_mps = 0.03;
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
@@ -80,7 +82,7 @@ inline Survey surveyOf(const Seabed& seabed, std::uint32_t seed) {
     ping.row(0).setZero();
     ping.row(1).setLinSpaced(kBeams, -static_cast<float>(kHalfWidth_m),
                              static_cast<float>(kHalfWidth_m));
-    sound(seabed, survey.truth[i], {0.1, 0.02}, &random, &ping);
+    sound(seabed, survey.truth[i], sounding, &random, &ping);
     survey.beams_m.push_back(ping);
   }
   return survey;

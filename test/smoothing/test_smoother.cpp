@@ -9,26 +9,10 @@
 #include <string>
 
 #include "rbpf_core/smoothing/smoother.hpp"
-#include "survey.hpp"
+#include "smoothed_survey.hpp"
 
 namespace rbpf_core::smoothing {
 namespace {
-
-Smoother smootherOf(const Survey& survey) {
-  return {survey.params, survey.stamps_s.front(), survey.dead_reckoning.front()};
-}
-
-void addPings(const Survey& survey, std::size_t first, std::size_t last, Smoother* smoother) {
-  for (std::size_t i = first; i < last; ++i) {
-    smoother->addPing(survey.stamps_s[i], survey.dead_reckoning[i], survey.beams_m[i]);
-  }
-}
-
-void smoothAtOnce(const Survey& survey, Smoother* smoother) {
-  addPings(survey, 0, survey.size(), smoother);
-  smoother->finishPings();
-  smoother->update();
-}
 
 double rmse(const std::vector<Pose2>& poses, const std::vector<Pose2>& truth) {
   double sum = 0.0;
@@ -36,16 +20,6 @@ double rmse(const std::vector<Pose2>& poses, const std::vector<Pose2>& truth) {
     sum += std::pow(poses[i].x_m - truth[i].x_m, 2) + std::pow(poses[i].y_m - truth[i].y_m, 2);
   }
   return std::sqrt(sum / static_cast<double>(poses.size()));
-}
-
-// The truth at the nodes: a node begins with a ping.
-std::vector<Pose2> truthAtNodes(const Survey& survey, const Smoother& smoother) {
-  std::vector<Pose2> truth{survey.truth.front()};
-  const std::vector<PingPlace>& pings = smoother.track().pings();
-  for (std::size_t i = 0; i < pings.size(); ++i) {
-    if (pings[i].node == truth.size()) truth.push_back(survey.truth[i]);
-  }
-  return truth;
 }
 
 // The graph with the true relative poses of what the smoother looked at, +-0.1 m and 5 mrad.

@@ -32,31 +32,31 @@ void addPings(Track* track, double first_s, int pings, Eigen::Index beams = 10) 
   }
 }
 
-TEST(TrackNodes, BeginWithTheFirstPingOfEveryPeriod) {
+TEST(TrackNodes, AreTheMiddlesOfStretches) {
   Track track(2.0);
   addPings(&track, 100.0, 41);
-  ASSERT_EQ(track.nodes().size(), 11U);
-  for (std::size_t i = 0; i < 11; ++i) {
+  ASSERT_EQ(track.nodes().size(), 10U);
+  for (std::size_t i = 0; i < 10; ++i) {
     const TrackNode& node = track.nodes()[i];
-    EXPECT_EQ(node.stamp_s, 100.0 + 2.0 * static_cast<double>(i));
+    EXPECT_EQ(node.stamp_s, 101.0 + 2.0 * static_cast<double>(i));
     EXPECT_EQ(node.dead_reckoning.x_m, poseAt(node.stamp_s).x_m);
     EXPECT_EQ(node.dead_reckoning.yaw_rad, poseAt(node.stamp_s).yaw_rad);
   }
 }
 
-TEST(TrackNodes, AreCompleteWhenTheNextOneBeginsOrTheSurveyIsOver) {
+TEST(TrackNodes, AreThereWhenTheNextStretchBeginsOrTheSurveyIsOver) {
   Track track(2.0);
-  EXPECT_EQ(track.complete(), 0U);
   track.addNode(0.0, {});
-  EXPECT_EQ(track.complete(), 1U);
-  addPings(&track, 0.0, 6);  // until 2.5 s
-  ASSERT_EQ(track.nodes().size(), 3U);
-  EXPECT_EQ(track.complete(), 2U);
-  EXPECT_EQ(track.nodes()[2].beams_m.cols(), 0);
+  EXPECT_EQ(track.nodes().size(), 1U);
+  addPings(&track, 0.0, 4);  // until 1.5 s
+  EXPECT_EQ(track.nodes().size(), 1U);
+  addPings(&track, 2.0, 2);  // until 2.5 s
+  ASSERT_EQ(track.nodes().size(), 2U);
+  EXPECT_EQ(track.nodes()[1].beams_m.cols(), 40);
   EXPECT_FALSE(track.isFinished());
   track.finish();
   EXPECT_TRUE(track.isFinished());
-  EXPECT_EQ(track.complete(), 3U);
+  ASSERT_EQ(track.nodes().size(), 3U);
   EXPECT_EQ(track.nodes()[2].beams_m.cols(), 20);
 }
 
@@ -66,8 +66,7 @@ TEST(TrackNodes, GoOnAfterASurveyThatSeemedOver) {
   track.finish();
   addPings(&track, 1.0, 1);
   EXPECT_FALSE(track.isFinished());
-  ASSERT_EQ(track.nodes().size(), 2U);
-  EXPECT_EQ(track.complete(), 1U) << "the second one is growing";
+  ASSERT_EQ(track.nodes().size(), 1U) << "the second one is growing";
   EXPECT_EQ(track.nodes()[0].beams_m.cols(), 20);
   track.finish();
   EXPECT_EQ(track.nodes()[1].beams_m.cols(), 10);
@@ -77,12 +76,22 @@ TEST(TrackNodes, WithoutBeamsMayStandBetweenPings) {
   Track track(2.0);
   addPings(&track, 0.0, 2);
   EXPECT_EQ(track.addNode(0.7, poseAt(0.7)), 1U);
-  EXPECT_EQ(track.nodes()[0].beams_m.cols(), 20) << "the node before has ended";
+  EXPECT_EQ(track.nodes()[0].beams_m.cols(), 20) << "the stretch before has ended";
   addPings(&track, 1.0, 1);
-  EXPECT_EQ(track.pings().back().node, 2U);
   track.finish();
+  ASSERT_EQ(track.nodes().size(), 3U);
   EXPECT_EQ(track.nodes()[1].beams_m.cols(), 0);
   EXPECT_EQ(track.nodes()[1].half_width_m, 0.0F);
+  EXPECT_EQ(track.nodes()[2].beams_m.cols(), 10);
+}
+
+TEST(TrackNodes, OfPingsThatComeLateAreNoOlderThanThePlaceOfAFix) {
+  Track track(2.0);
+  addPings(&track, 4.0, 2);
+  track.addNode(5.0, poseAt(5.0));
+  addPings(&track, 4.6, 1);
+  track.finish();
+  EXPECT_EQ(track.nodes()[2].stamp_s, 5.0);
 }
 
 TEST(TrackBeams, LieInTheNodesFrameByDeadReckoning) {
@@ -133,22 +142,6 @@ TEST(TrackBeams, MayBeNone) {
   EXPECT_EQ(gather(track, {0, 1}, {Pose2{}}, 0).cols(), 0);
 }
 
-TEST(TrackPings, HaveTheirPlacesInTheirNodes) {
-  Track track(2.0);
-  track.addNode(0.0, poseAt(0.0));
-  addPings(&track, 0.0, 9);
-  ASSERT_EQ(track.pings().size(), 9U);
-  for (std::size_t i = 0; i < 9; ++i) {
-    const PingPlace& ping = track.pings()[i];
-    EXPECT_EQ(ping.node, 1 + i / 4);
-    EXPECT_EQ(ping.stamp_s, 0.5 * static_cast<double>(i));
-    const Pose2 back = compose(track.nodes()[ping.node].dead_reckoning, ping.in_node);
-    EXPECT_NEAR(back.x_m, poseAt(ping.stamp_s).x_m, 1e-12);
-    EXPECT_NEAR(back.y_m, poseAt(ping.stamp_s).y_m, 1e-12);
-    EXPECT_NEAR(back.yaw_rad, poseAt(ping.stamp_s).yaw_rad, 1e-12);
-  }
-}
-
 TEST(TrackStamps, ThatGoBackAreRefusedAndLeaveNothing) {
   Track track(2.0);
   track.addNode(10.0, {});
@@ -159,7 +152,7 @@ TEST(TrackStamps, ThatGoBackAreRefusedAndLeaveNothing) {
   EXPECT_THROW(track.addPing(kNaN, {}, across(3, 1.0F)), std::invalid_argument);
   EXPECT_THROW(track.addNode(9.0, {}), std::invalid_argument);
   EXPECT_THROW(track.addNode(kNaN, {}), std::invalid_argument);
-  EXPECT_EQ(track.nodes().size(), 2U);
+  EXPECT_EQ(track.nodes().size(), 1U);
   EXPECT_EQ(track.pings().size(), 3U);
   EXPECT_NO_THROW(track.addPing(11.0, poseAt(11.0), across(10, 20.0F))) << "equal stamps are fine";
   track.finish();
@@ -168,27 +161,27 @@ TEST(TrackStamps, ThatGoBackAreRefusedAndLeaveNothing) {
 
 TEST(TrackAround, HasWhatLiesWithin) {
   Track track(2.0);
-  addPings(&track, 0.0, 81);  // nodes at 0, 2 .. 40 s, whose beams end 2 s later
+  addPings(&track, 0.0, 84);  // nodes at 1, 3 .. 41 s, whose beams lie within 1 s
   track.finish();
   const auto expectAround = [&](std::size_t k, double half_s, std::size_t first, std::size_t last) {
     const Track::Range range = track.around(k, half_s);
     EXPECT_EQ(range.first, first) << k << ", " << half_s << " s";
     EXPECT_EQ(range.last, last) << k << ", " << half_s << " s";
   };
-  expectAround(10, 6.0, 7, 13);
-  expectAround(10, 5.9, 8, 12);
+  expectAround(10, 5.0, 8, 13);
+  expectAround(10, 4.9, 9, 12);
   expectAround(10, 0.0, 10, 11);
-  expectAround(1, 6.0, 0, 4);
-  expectAround(20, 6.0, 17, 21);
+  expectAround(1, 5.0, 0, 4);
+  expectAround(20, 5.0, 18, 21);
 }
 
 TEST(TrackAround, DoesNotReachAcrossGaps) {
   Track track(2.0);
-  addPings(&track, 0.0, 12);    // nodes at 0, 2, 4 s
-  addPings(&track, 100.3, 12);  // at 100.3, 102.3, 104.3 s
+  addPings(&track, 0.0, 12);    // nodes at 1, 3, 5 s
+  addPings(&track, 100.3, 12);  // at 101.3, 103.3, 105.3 s
   track.finish();
   ASSERT_EQ(track.nodes().size(), 6U);
-  EXPECT_EQ(track.nodes()[3].stamp_s, 100.3);
+  EXPECT_EQ(track.nodes()[3].stamp_s, 101.3);
   EXPECT_EQ(track.around(2, 14.0).last, 3U);
   EXPECT_EQ(track.around(3, 14.0).first, 3U);
   EXPECT_EQ(track.around(3, 14.0).last, 6U);
@@ -196,7 +189,7 @@ TEST(TrackAround, DoesNotReachAcrossGaps) {
 
 TEST(TrackAround, LeavesOutANodeThatIsGrowing) {
   Track track(2.0);
-  addPings(&track, 0.0, 9);  // nodes at 0, 2, 4 s
+  addPings(&track, 0.0, 9);  // nodes at 1, 3 s
   EXPECT_EQ(track.around(1, 14.0).last, 2U);
   track.finish();
   EXPECT_EQ(track.around(1, 14.0).last, 3U);

@@ -103,46 +103,58 @@ LocalMap::LocalMap(const Beams& beams_m) {
   first_j_ = low.j;
   rows_ = high.i - low.i + 2;
   columns_ = high.j - low.j + 2;
-  std::vector<double> seen(static_cast<std::size_t>(rows_) * columns_, 0.0);
+  seen_.assign(static_cast<std::size_t>(rows_) * columns_, 0.0);
   for (const gmrf::CellPlace& place : places) {
     const gmrf::CornerWeights phi = gmrf::cornerWeights(place.fx, place.fy);
     const std::size_t at = static_cast<std::size_t>(place.cell.i - first_i_) * columns_ +
                            static_cast<std::size_t>(place.cell.j - first_j_);
-    seen[at] += phi[0];
-    seen[at + 1] += phi[1];
-    seen[at + columns_] += phi[2];
-    seen[at + columns_ + 1] += phi[3];
+    seen_[at] += phi[0];
+    seen_[at + 1] += phi[1];
+    seen_[at + columns_] += phi[2];
+    seen_[at + columns_ + 1] += phi[3];
   }
-  z_m_.assign(seen.size(), std::numeric_limits<float>::quiet_NaN());
+  z_m_.assign(seen_.size(), std::numeric_limits<float>::quiet_NaN());
   for (int i = 0; i < rows_; ++i) {
     for (int j = 0; j < columns_; ++j) {
       const std::size_t at = static_cast<std::size_t>(i) * columns_ + j;
-      if (seen[at] < kSeen) continue;
+      if (seen_[at] < kSeen) continue;
       z_m_[at] = static_cast<float>(level_m + field(window.number({first_i_ + i, first_j_ + j})));
     }
   }
 }
 
-LocalMap::Look LocalMap::at(float x_m, float y_m) const {
+std::optional<LocalMap::InCell> LocalMap::cellAt(float x_m, float y_m) const {
   const float h = static_cast<float>(spacing_m_);
   const float u = x_m / h - static_cast<float>(first_i_);
   const float v = y_m / h - static_cast<float>(first_j_);
-  constexpr Look kUnknown{false, 0.0F, 0.0F, 0.0F};
   // false for NaN
   if (!(u >= 0.0F && v >= 0.0F && u < static_cast<float>(rows_ - 1) &&
         v < static_cast<float>(columns_ - 1))) {
-    return kUnknown;
+    return std::nullopt;
   }
   const int i = static_cast<int>(u);
   const int j = static_cast<int>(v);
-  const float a = u - static_cast<float>(i);
-  const float b = v - static_cast<float>(j);
+  return InCell{i, j, u - static_cast<float>(i), v - static_cast<float>(j)};
+}
+
+LocalMap::Look LocalMap::at(float x_m, float y_m) const {
+  const std::optional<InCell> cell = cellAt(x_m, y_m);
+  if (!cell) return {false, 0.0F, 0.0F, 0.0F};
+  const auto [i, j, a, b] = *cell;
+  const float h = static_cast<float>(spacing_m_);
   const float z00 = z(i, j), z01 = z(i, j + 1), z10 = z(i + 1, j), z11 = z(i + 1, j + 1);
   const float slope_x = ((1.0F - b) * (z10 - z00) + b * (z11 - z01)) / h;
   const float slope_y = ((1.0F - a) * (z01 - z00) + a * (z11 - z10)) / h;
   const float near = (1.0F - b) * z00 + b * z01;
   const float z_m = near + a * h * slope_x;
   return {!std::isnan(z_m), z_m, slope_x, slope_y};
+}
+
+double LocalMap::beamsAt(float x_m, float y_m) const {
+  const std::optional<InCell> cell = cellAt(x_m, y_m);
+  if (!cell) return 0.0;
+  const std::size_t at = static_cast<std::size_t>(cell->i) * columns_ + cell->j;
+  return std::min({seen_[at], seen_[at + 1], seen_[at + columns_], seen_[at + columns_ + 1]});
 }
 
 }  // namespace rbpf_core::smoothing

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "rbpf_core/types.hpp"
@@ -22,19 +23,29 @@ class LocalMap {
   };
   Look at(float x_m, float y_m) const;
 
+  // Beams that tell of the map at a place: of its corners' the fewest.
+  double beamsAt(float x_m, float y_m) const;
+
   // h, between the nodes; 0 without beams.
   double spacing_m() const { return spacing_m_; }
   // Of a beam about the map, robust.
   double noise_std_m() const { return noise_std_m_; }
 
  private:
+  // A place in its cell, from node (i, j) on, in parts of the spacing.
+  struct InCell {
+    int i, j;
+    float a, b;
+  };
+  std::optional<InCell> cellAt(float x_m, float y_m) const;
   float z(int i, int j) const { return z_m_[static_cast<std::size_t>(i) * columns_ + j]; }
 
   double spacing_m_ = 0.0;
   double noise_std_m_ = 0.0;
   int first_i_ = 0, first_j_ = 0;  // node of z_m_[0]
   int rows_ = 0, columns_ = 0;
-  std::vector<float> z_m_;  // [rows, columns]; NaN where no beam has been
+  std::vector<float> z_m_;    // [rows, columns]; NaN where no beam has been
+  std::vector<double> seen_;  // [rows, columns]: beams around, by their shares
 };
 
 }  // namespace rbpf_core::smoothing

@@ -87,6 +87,8 @@ class Registrar {
     result.found = best.found;
     result.rms_m = best.rms_m;
     result.beams = static_cast<std::uint32_t>(best.beams);
+    result.told = best.told;
+    result.share = best.share;
     result.verdict = verdictOn(places);
     return result;
   }
@@ -98,6 +100,17 @@ class Registrar {
     double cost;
     double rms_m;
     Eigen::Index beams;
+    Eigen::Matrix2d told;
+    double share;
+  };
+
+  // What the relief tells of x, y, yaw.
+  struct SharedRelief {
+    // The Hessian per beam.
+    Eigen::Matrix3d hessian;
+    // As in Registration.
+    Eigen::Matrix2d told;
+    double share;
   };
 
   // Of the search.
@@ -262,7 +275,10 @@ class Registrar {
     place.rms_m = std::sqrt(squares / weight);
     const double variance = place.rms_m * place.rms_m + kMapError_m * kMapError_m;
     place.found.pose = pose;
-    place.found.covariance = (sharedRelief(pose) * params_.effective_beams / variance).inverse();
+    const SharedRelief relief = sharedRelief(pose);
+    place.told = relief.told;
+    place.share = relief.share;
+    place.found.covariance = (relief.hessian * params_.effective_beams / variance).inverse();
     place.found.covariance.diagonal() +=
         Eigen::Vector3d(kLeastStd_m, kLeastStd_m, kLeastStd_rad).cwiseAbs2();
     place.beams = n;
@@ -270,9 +286,16 @@ class Registrar {
     return place;
   }
 
+  // Whether both maps' slopes along a direction go together.
+  template <typename Vector, typename Matrix>
+  static bool isCoherent(const Vector& v, const Matrix& both, const Matrix& there,
+                         const Matrix& here) {
+    return v.dot(both * v) > kLeastCoherence * std::sqrt(v.dot(there * v) * v.dot(here * v));
+  }
+
   // The Hessian by x, y, yaw, per beam. Of slopes that both windows have, each in its own map: the
   // noise of one map's slopes tells nothing, and does not count.
-  Eigen::Matrix3d sharedRelief(const Pose2& pose) const {
+  SharedRelief sharedRelief(const Pose2& pose) const {
     const auto c = static_cast<float>(std::cos(pose.yaw_rad));
     const auto s = static_cast<float>(std::sin(pose.yaw_rad));
     Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
@@ -301,7 +324,10 @@ class Registrar {
       weight += w;
       squared_arm += w * (x * x + y * y);
     }
-    if (weight == 0.0) return kLeastSlope * kLeastSlope * Eigen::Matrix3d::Identity();
+    if (weight == 0.0) {
+      return {kLeastSlope * kLeastSlope * Eigen::Matrix3d::Identity(), Eigen::Matrix2d::Zero(),
+              0.0};
+    }
     // Lengths for angles, so that eigenvalues can be compared with a slope.
     const double arm_m = std::max(1.0, std::sqrt(squared_arm / weight));
     const Eigen::Vector3d scale(1.0, 1.0, arm_m);
@@ -310,15 +336,30 @@ class Registrar {
     };
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(perBeam(H));
     const Eigen::Matrix3d V = eigen.eigenvectors();
-    const Eigen::Vector3d there = (V.transpose() * perBeam(power_there) * V).diagonal();
-    const Eigen::Vector3d here = (V.transpose() * perBeam(power_here) * V).diagonal();
     Eigen::Vector3d values = eigen.eigenvalues();
     for (int d = 0; d < 3; ++d) {
-      const bool coherent = values(d) > kLeastCoherence * std::sqrt(there(d) * here(d));
-      if (!coherent) values(d) = 0.0;
+      if (!isCoherent(V.col(d), perBeam(H), perBeam(power_there), perBeam(power_here))) {
+        values(d) = 0.0;
+      }
       values(d) = std::max(values(d), kLeastSlope * kLeastSlope);
     }
-    return scale.asDiagonal() * V * values.asDiagonal() * V.transpose() * scale.asDiagonal();
+    const Eigen::Matrix3d V_scaled = scale.asDiagonal() * V;
+    SharedRelief shared{V_scaled * values.asDiagonal() * V_scaled.transpose(),
+                        Eigen::Matrix2d::Zero(), 0.0};
+    const auto ofSlopes = [](const Eigen::Matrix3d& sum) -> Eigen::Matrix2d {
+      return sum.topLeftCorner<2, 2>();
+    };
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> slopes(ofSlopes(H));
+    double power = 0.0;
+    for (int d = 0; d < 2; ++d) {
+      const Eigen::Vector2d v = slopes.eigenvectors().col(d);
+      if (!isCoherent(v, ofSlopes(H), ofSlopes(power_there), ofSlopes(power_here))) continue;
+      shared.told += v * v.transpose();
+      shared.share += slopes.eigenvalues()(d);
+      power += v.dot(ofSlopes(power_there) * v);
+    }
+    if (power > 0.0) shared.share = std::min(1.0, shared.share / power);
+    return shared;
   }
 
   // Of a mean over beams of log(1 + r^2 / (nu sigma^2)).

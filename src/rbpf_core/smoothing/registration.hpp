@@ -37,6 +37,10 @@ struct Registration {
   // Of the beams that lie on the map, robust.
   double rms_m = 0.0;
   std::uint32_t beams = 0;
+  // Takes a slope of the map to the part of it that the window's own map has too, and not noise
+  // alone; and the share of that part's square that both have.
+  Eigen::Matrix2d told = Eigen::Matrix2d::Zero();
+  double share = 0.0;
 };
 
 // A window of pings: beams [3, n] in its own frame, and the map that they make by themselves.

@@ -60,6 +60,11 @@ void Smoother::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams&
   addNodes();
 }
 
+void Smoother::finishPings() {
+  track_.finish();
+  addNodes();
+}
+
 void Smoother::addNodes() {
   const std::vector<TrackNode>& nodes = track_.nodes();
   for (std::size_t i = graph_.size(); i < nodes.size(); ++i) {
@@ -70,7 +75,9 @@ void Smoother::addNodes() {
 
 void Smoother::addFix(const FixRecord& record) {
   const double stamp_s = record.fix.stamp_s;
-  if (stamp_s - track_.nodes().back().stamp_s > params_.registration.node_period_s) {
+  double last_s = track_.nodes().back().stamp_s;
+  if (!track_.pings().empty()) last_s = std::max(last_s, track_.pings().back().stamp_s);
+  if (stamp_s - last_s > params_.registration.node_period_s) {
     track_.addNode(stamp_s, record.dead_reckoning);
     addNodes();
   }
@@ -119,7 +126,7 @@ void Smoother::update() {
   if (fixes_pending_) graph_.solve();
   fixes_pending_ = false;
   // A window is complete when the nodes after it are there.
-  std::size_t complete = track_.complete();
+  std::size_t complete = track_.nodes().size();
   const double last_s = track_.nodes().back().stamp_s;
   while (complete > next_ && !track_.isFinished() &&
          last_s - track_.nodes()[complete - 1].stamp_s < params_.registration.window_s) {
@@ -182,12 +189,13 @@ void Smoother::registerNode(std::size_t j, const std::vector<Pose2>& poses,
     closure.registration =
         registerWindow(mapOf(k, poses), window, {closure.expected, covariances().ofRelative(k, j)},
                        params_.registration);
-    closure.registration.found.covariance += odometryWithinWindows();
+    closure.registration.found.covariance += odometryWithin(2.0 * params_.registration.window_s);
     const Pose2 moved = relative(poses[j], compose(poses[k], closure.registration.found.pose));
     closure.shift << Eigen::Rotation2Dd(poses[j].yaw_rad) * Eigen::Vector2d(moved.x_m, moved.y_m),
         moved.yaw_rad;
     closure.weight = std::numeric_limits<double>::quiet_NaN();
     if (closure.registration.verdict == Verdict::kAccepted) {
+      closure.ties = tied(closure, poses);
       pending_.push_back(closures_.size());
       ++accepted_;
     }
@@ -195,30 +203,49 @@ void Smoother::registerNode(std::size_t j, const std::vector<Pose2>& poses,
   }
 }
 
+// Each younger node's beams are used once a pass: those between this window's middle and the
+// next's.
+std::vector<Tie> Smoother::tied(const Closure& closure, const std::vector<Pose2>& poses) {
+  const Track::Range around_k = track_.around(closure.k, params_.registration.map_window_s);
+  const Track::Range younger{closure.j, std::min(closure.j + kEvery, track_.nodes().size())};
+  std::vector<Tie> ties = tiesOf({track_, poses, closure.k, closure.j, around_k,
+                                  mapOf(closure.k, poses), closure.registration},
+                                 younger);
+  if (ties.empty()) return {{closure.k, closure.j, closure.registration.found}};  // few beams
+  for (Tie& tie : ties)
+    tie.relative.covariance += odometryWithin(params_.registration.node_period_s);
+  return ties;
+}
+
 void Smoother::solve() {
   for (const std::size_t closure : pending_) {
-    graph_.addClosure(closures_[closure].k, closures_[closure].j,
-                      closures_[closure].registration.found);
+    for (const Tie& tie : closures_[closure].ties) {
+      graph_.addClosure(tie.older, tie.newer, tie.relative);
+    }
     in_graph_.push_back(closure);
   }
   if (!pending_.empty()) graph_.solve();
   pending_.clear();
-  for (std::size_t i = 0; i < in_graph_.size(); ++i) {
-    closures_[in_graph_[i]].weight = graph_.weightOfClosure(i);
+  std::size_t tie = 0;
+  for (const std::size_t closure : in_graph_) {
+    const std::size_t ties = closures_[closure].ties.size();
+    double sum = 0.0;
+    for (std::size_t i = 0; i < ties; ++i) sum += graph_.weightOfClosure(tie++);
+    closures_[closure].weight = sum / static_cast<double>(ties);
   }
 }
 
-// Windows are rigid, though the odometry bends them: of a random walk of variance v per second, the
-// mean over T seconds to either side has the variance v T / 6.
-Eigen::Matrix3d Smoother::odometryWithinWindows() const {
-  const double sixth_s = (params_.registration.window_s + params_.registration.map_window_s) / 6.0;
+// What is laid on what is rigid, though the odometry bends it: of a random walk of variance v per
+// second, the mean over T seconds to either side has the variance v T / 6. `both_s`: the T of both
+// added up, as far as they lie on each other.
+Eigen::Matrix3d Smoother::odometryWithin(double both_s) const {
   const MotionNoise& motion = params_.motion;
-  return sixth_s * Eigen::Vector3d(std::max(motion.surge_std_m, motion.sway_std_m),
-                                   std::max(motion.surge_std_m, motion.sway_std_m),
-                                   motion.yaw_std_rad)
-                       .cwiseAbs2()
-                       .asDiagonal()
-                       .toDenseMatrix();
+  return both_s / 6.0 *
+         Eigen::Vector3d(std::max(motion.surge_std_m, motion.sway_std_m),
+                         std::max(motion.surge_std_m, motion.sway_std_m), motion.yaw_std_rad)
+             .cwiseAbs2()
+             .asDiagonal()
+             .toDenseMatrix();
 }
 
 // The nearest node of each older pass that comes near, the nearest passes first.
@@ -269,19 +296,18 @@ std::vector<Pose2> Smoother::posesOfPings() const {
   const std::vector<TrackNode>& nodes = track_.nodes();
   const std::vector<Pose2> at_nodes = graph_.poses();
   std::vector<Pose2> poses;
+  std::size_t i = 0;
   for (const PingPlace& ping : track_.pings()) {
-    const std::size_t i = ping.node;
-    Pose2 pose = compose(at_nodes[i], ping.in_node);
+    while (i + 1 < nodes.size() && nodes[i + 1].stamp_s <= ping.stamp_s) ++i;
+    const auto from = [&](std::size_t node) {
+      return compose(at_nodes[node], relative(nodes[node].dead_reckoning, ping.dead_reckoning));
+    };
+    Pose2 pose = from(i);
     // From the node before and, more and more, from the node after.
-    if (i + 1 < at_nodes.size()) {
+    if (i + 1 < nodes.size()) {
       const double duration_s = nodes[i + 1].stamp_s - nodes[i].stamp_s;
-      const Pose2 dead_reckoning = compose(nodes[i].dead_reckoning, ping.in_node);
-      const Pose2 from_next =
-          compose(at_nodes[i + 1], relative(nodes[i + 1].dead_reckoning, dead_reckoning));
-      const double share =
-          duration_s > 0.0 ? std::clamp((ping.stamp_s - nodes[i].stamp_s) / duration_s, 0.0, 1.0)
-                           : 0.0;
-      pose = interpolate(pose, from_next, share);
+      const double since_s = std::max(0.0, ping.stamp_s - nodes[i].stamp_s);
+      if (duration_s > 0.0) pose = interpolate(pose, from(i + 1), since_s / duration_s);
     }
     poses.push_back(pose);
   }

@@ -11,6 +11,7 @@
 #include "rbpf_core/smoothing/local_map.hpp"
 #include "rbpf_core/smoothing/pose_graph.hpp"
 #include "rbpf_core/smoothing/registration.hpp"
+#include "rbpf_core/smoothing/ties.hpp"
 #include "rbpf_core/smoothing/track.hpp"
 
 namespace rbpf_core::smoothing {
@@ -27,7 +28,9 @@ struct Closure {
   // What registration moved node j by, in map, about itself: x, y, yaw.
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
   Registration registration;
-  // In the graph: 1 counts fully. NaN if refused.
+  // What it tells about single nodes, if accepted: that is what the graph is given.
+  std::vector<Tie> ties;
+  // Of the ties in the graph, the mean: 1 counts fully. NaN if refused.
   double weight = 0.0;
 };
 
@@ -44,7 +47,7 @@ class Smoother {
   // reckoning between both. Well after the last node it gets a node of its own, after which pings
   // should be no older.
   void addFix(const FixRecord& record);
-  void finishPings() { track_.finish(); }
+  void finishPings();
 
   // Registers what is complete by now, a stretch at a time, and solves the graph after each.
   void update();
@@ -77,7 +80,8 @@ class Smoother {
   void closeLoops(std::size_t first, std::size_t last);
   std::vector<std::size_t> olderPasses(std::size_t j, const std::vector<Pose2>& poses) const;
   const LocalMap& mapOf(std::size_t k, const std::vector<Pose2>& poses);
-  Eigen::Matrix3d odometryWithinWindows() const;
+  Eigen::Matrix3d odometryWithin(double both_s) const;
+  std::vector<Tie> tied(const Closure& closure, const std::vector<Pose2>& poses);
   // Registers node j's window on the older passes near it.
   void registerNode(std::size_t j, const std::vector<Pose2>& poses,
                     const std::function<const PoseGraph::Covariances&()>& covariances);

@@ -1,6 +1,7 @@
 #include "rbpf_core/smoothing/track.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -11,7 +12,16 @@ namespace rbpf_core::smoothing {
 
 namespace {
 
-// Beams, given in the frame of a pose, in the frame that the pose is given in.
+float halfWidth(const Beams& beams_m) {
+  if (beams_m.cols() == 0) return 0.0F;
+  Eigen::ArrayXf across = beams_m.row(1).array().abs().transpose();
+  const auto at = across.data() + across.size() * 9 / 10;
+  std::nth_element(across.data(), at, across.data() + across.size());
+  return *at;
+}
+
+}  // namespace
+
 Beams placed(const Beams& beams_m, const Pose2& pose) {
   const auto c = static_cast<float>(std::cos(pose.yaw_rad));
   const auto s = static_cast<float>(std::sin(pose.yaw_rad));
@@ -24,72 +34,74 @@ Beams placed(const Beams& beams_m, const Pose2& pose) {
   return out;
 }
 
-float halfWidth(const Beams& beams_m) {
-  if (beams_m.cols() == 0) return 0.0F;
-  Eigen::ArrayXf across = beams_m.row(1).array().abs().transpose();
-  const auto at = across.data() + across.size() * 9 / 10;
-  std::nth_element(across.data(), at, across.data() + across.size());
-  return *at;
-}
-
-}  // namespace
-
 std::size_t Track::addNode(double stamp_s, const Pose2& dead_reckoning) {
-  if (!nodes_.empty() && !(stamp_s >= nodes_.back().stamp_s)) {
+  double last_s = -std::numeric_limits<double>::infinity();
+  if (!nodes_.empty()) last_s = nodes_.back().stamp_s;
+  if (!growing_.empty()) last_s = std::max(last_s, pings_.back().stamp_s);
+  if (!(stamp_s >= last_s)) {
     throw std::invalid_argument("stamp " + std::to_string(stamp_s) +
-                                " s; expected none earlier than the node's before, " +
-                                std::to_string(nodes_.back().stamp_s) + " s");
+                                " s; expected none earlier than what came before, " +
+                                std::to_string(last_s) + " s");
   }
-  closeNode();
+  endStretch();
   nodes_.push_back({stamp_s, dead_reckoning, Beams(3, 0), 0.0F});
   return nodes_.size() - 1;
 }
 
 void Track::addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m) {
+  if (pings_.empty() && !nodes_.empty() && !(stamp_s >= nodes_.back().stamp_s)) {
+    throw std::invalid_argument("ping of stamp " + std::to_string(stamp_s) +
+                                " s; expected none earlier than the start, " +
+                                std::to_string(nodes_.back().stamp_s) + " s");
+  }
   if (!pings_.empty() && !(stamp_s >= pings_.back().stamp_s)) {
     throw std::invalid_argument("ping of stamp " + std::to_string(stamp_s) +
                                 " s; expected none earlier than the ping before, " +
                                 std::to_string(pings_.back().stamp_s) + " s");
   }
-  if (open_ == 0 || stamp_s - nodes_.back().stamp_s >= node_period_s_) {
-    // a ping that comes late may be a little older than the place of a fix
-    addNode(pings_.empty() ? stamp_s : std::max(stamp_s, nodes_.back().stamp_s), dead_reckoning);
-    open_ = 1;
-    finished_ = false;
+  if (!growing_.empty() &&
+      stamp_s - pings_[pings_.size() - growing_.size()].stamp_s >= node_period_s_) {
+    endStretch();
   }
-  const Pose2 in_node = relative(nodes_.back().dead_reckoning, dead_reckoning);
-  pings_.push_back({nodes_.size() - 1, stamp_s, in_node});
-  growing_.push_back(placed(levelled_m, in_node));
+  finished_ = false;
+  pings_.push_back({stamp_s, dead_reckoning});
+  growing_.push_back(levelled_m);
 }
 
-void Track::closeNode() {
-  if (open_ == 0) return;
-  open_ = 0;
+// The node is the ping in the middle: there the odometry's wander within the stretch cancels best.
+void Track::endStretch() {
+  if (growing_.empty()) return;
+  const std::size_t first = pings_.size() - growing_.size();
+  const PingPlace& middle = pings_[first + growing_.size() / 2];
   Eigen::Index beams = 0;
   for (const Beams& ping : growing_) beams += ping.cols();
   Beams all(3, beams);
-  Eigen::Index first = 0;
-  for (const Beams& ping : growing_) {
-    all.middleCols(first, ping.cols()) = ping;
-    first += ping.cols();
+  Eigen::Index next = 0;
+  for (std::size_t i = 0; i < growing_.size(); ++i) {
+    const Beams& ping = growing_[i];
+    all.middleCols(next, ping.cols()) =
+        placed(ping, relative(middle.dead_reckoning, pings_[first + i].dead_reckoning));
+    next += ping.cols();
   }
   growing_.clear();
-  nodes_.back().half_width_m = halfWidth(all);
-  nodes_.back().beams_m = thinned(all, kBeams);
+  // pings that came late may be a little older than the place of a fix
+  const double stamp_s =
+      nodes_.empty() ? middle.stamp_s : std::max(middle.stamp_s, nodes_.back().stamp_s);
+  nodes_.push_back({stamp_s, middle.dead_reckoning, thinned(all, kBeams), halfWidth(all)});
 }
 
 void Track::finish() {
-  closeNode();
+  endStretch();
   finished_ = true;
 }
 
-// A node's beams lie after it: the last one ends where the next begins.
+// A node's beams lie half a stretch to either side of it.
 Track::Range Track::around(std::size_t k, double half_s) const {
   const double middle_s = nodes_[k].stamp_s;
+  const double most_s = half_s - 0.5 * node_period_s_;
   Range range{k, k + 1};
-  while (range.first > 0 && middle_s - nodes_[range.first - 1].stamp_s <= half_s) --range.first;
-  while (range.last < complete() &&
-         nodes_[range.last].stamp_s + node_period_s_ - middle_s <= half_s) {
+  while (range.first > 0 && middle_s - nodes_[range.first - 1].stamp_s <= most_s) --range.first;
+  while (range.last < nodes_.size() && nodes_[range.last].stamp_s - middle_s <= most_s) {
     ++range.last;
   }
   return range;

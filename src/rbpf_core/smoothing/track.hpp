@@ -8,7 +8,7 @@
 
 namespace rbpf_core::smoothing {
 
-// A stretch of some two seconds of track, rigid in itself.
+// The middle of a stretch of some two seconds of track, which is rigid in itself.
 struct TrackNode {
   double stamp_s = 0.0;
   Pose2 dead_reckoning;
@@ -18,12 +18,9 @@ struct TrackNode {
   float half_width_m = 0.0F;
 };
 
-// A ping by its node.
 struct PingPlace {
-  std::size_t node;
   double stamp_s;
-  // In the node's frame, by dead reckoning.
-  Pose2 in_node;
+  Pose2 dead_reckoning;
 };
 
 class Track {
@@ -33,19 +30,17 @@ class Track {
 
   explicit Track(double node_period_s) : node_period_s_(node_period_s) {}
 
-  // A node without beams: the start, or a place that something else is known of. Stamps must not go
-  // back.
+  // A node without beams: the start, or a place that something else is known of; the stretch that
+  // is growing ends before it. Stamps must not go back.
   std::size_t addNode(double stamp_s, const Pose2& dead_reckoning);
   // Throws std::invalid_argument if the stamp is earlier than the last one.
   void addPing(double stamp_s, const Pose2& dead_reckoning, const Beams& levelled_m);
-  // The last node has all of its beams; a ping after that begins another.
+  // The stretch that is growing ends; a ping after that begins another.
   void finish();
 
+  // Of stretches that have ended.
   const std::vector<TrackNode>& nodes() const { return nodes_; }
   const std::vector<PingPlace>& pings() const { return pings_; }
-  // Nodes that have all of their beams.
-  std::size_t complete() const { return finished_ ? nodes_.size() : nodes_.size() - open_; }
-
   bool isFinished() const { return finished_; }
 
   // Nodes within so many seconds of node k, [first, last).
@@ -55,16 +50,18 @@ class Track {
   Range around(std::size_t k, double half_s) const;
 
  private:
-  void closeNode();
+  void endStretch();
 
   const double node_period_s_;
   std::vector<TrackNode> nodes_;
   std::vector<PingPlace> pings_;
-  // Of the node that is growing, not thinned yet.
+  // Of the last pings, which are no node yet: the beams in each ping's own frame.
   std::vector<Beams> growing_;
-  std::size_t open_ = 0;  // 1 while a node is growing
   bool finished_ = false;
 };
+
+// Beams [3, n] of a frame whose pose is given, in the frame that the pose is given in.
+Beams placed(const Beams& beams_m, const Pose2& pose);
 
 // Beams of some nodes, in the frame of the node `in`: each node's lie where its pose has them.
 // Every `stride`-th beam.
