@@ -27,6 +27,7 @@ ROOMS = [
     "smoothing",
     "metrics",
     "figures",
+    "exports",
     "evaluation",
     "bags",
     "checking",
