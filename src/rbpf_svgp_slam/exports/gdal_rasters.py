@@ -35,14 +35,18 @@ def reference_system(name: str) -> osr.SpatialReference:
     return system
 
 
-def in_memory(chart: Chart, bands: Sequence[Band], metadata: dict[str, str]) -> gdal.Dataset:
-    """A raster of the chart's grid, north up, with its compound CRS."""
+def in_memory(
+    chart: Chart, bands: Sequence[Band], metadata: dict[str, str], heights: bool = True
+) -> gdal.Dataset:
+    """A raster of the chart's grid, north up. Its CRS is compound where the bands hold heights."""
     rows, columns = chart.elevation.shape
     raster = gdal.GetDriverByName("MEM").Create("", columns, rows, len(bands), bands[0].kind)
     raster.SetGeoTransform(
         (chart.west_m, chart.resolution_m, 0.0, chart.north_m, 0.0, -chart.resolution_m)
     )
-    raster.SetSpatialRef(reference_system(chart.georeference.compound))
+    georeference = chart.georeference
+    crs = georeference.compound if heights else f"EPSG:{georeference.epsg}"
+    raster.SetSpatialRef(reference_system(crs))
     raster.SetMetadata(metadata)
     for number, band in enumerate(bands, start=1):
         target = raster.GetRasterBand(number)

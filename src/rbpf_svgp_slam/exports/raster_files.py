@@ -14,8 +14,8 @@ from rbpf_svgp_slam.run.run_files import RunFolderError
 
 # BAG's own.
 _BAG_UNKNOWN = 1.0e6
-# Relief whose steep twentieth is shaded as a slope of 45°, but no flat seabed's noise as mountains.
-_STEEP_PERCENTILE, _LARGEST_EXAGGERATION = 95, 20.0
+# Of the slopes 95 % are shaded as less than 1 in 2; but no flat seabed's noise as mountains.
+_STEEP_PERCENTILE, _STEEP_SLOPE, _LARGEST_EXAGGERATION = 95, 0.5, 20.0
 _CONTINUOUS = {
     "COMPRESS": "DEFLATE",
     "PREDICTOR": "YES",
@@ -52,14 +52,16 @@ def write_bag(chart: Chart, path: Path, metadata: dict[str, str]) -> None:
 def write_density(chart: Chart, path: Path, metadata: dict[str, str]) -> None:
     """Cloud-optimised GeoTIFF: beams in each cell, int32."""
     bands = [Band("soundings", chart.density, None, gdal.GDT_Int32)]
-    copied(in_memory(chart, bands, metadata), "COG", path, _DISCRETE)
+    copied(in_memory(chart, bands, metadata, heights=False), "COG", path, _DISCRETE)
 
 
 def write_s44(chart: Chart, path: Path, metadata: dict[str, str]) -> None:
     """Cloud-optimised GeoTIFF: codes of S-44's orders, uint8, with their names as categories."""
     names = [f"order {name}" for _, name in sorted(s44.NAMES.items())]
+    codes = ", ".join(f"{code}: {name}" for code, name in sorted(s44.NAMES.items()))
+    metadata = {**metadata, "codes": f"orders by vertical uncertainty alone; {codes}"}
     bands = [Band("S-44 order", chart.order, s44.UNKNOWN, gdal.GDT_Byte, categories=names)]
-    copied(in_memory(chart, bands, metadata), "COG", path, _DISCRETE)
+    copied(in_memory(chart, bands, metadata, heights=False), "COG", path, _DISCRETE)
 
 
 def write_xyz(chart: Chart, path: Path) -> None:
@@ -90,7 +92,7 @@ def write_hillshade(chart: Chart, path: Path, metadata: dict[str, str]) -> None:
         raise RunFolderError(f"{path}: GDAL has made no hillshade of the elevations")
     grey = Band("shade", shaded.ReadAsArray(), None, gdal.GDT_Byte)
     opaque = Band("opaque", np.where(chart.known, 255, 0).astype(np.uint8), None, gdal.GDT_Byte)
-    picture = in_memory(chart, [grey, opaque], metadata)
+    picture = in_memory(chart, [grey, opaque], metadata, heights=False)
     picture.GetRasterBand(2).SetColorInterpretation(gdal.GCI_AlphaBand)
     copied(picture, "PNG", path, {"WORLDFILE": "YES"})
 
@@ -102,4 +104,4 @@ def exaggeration(chart: Chart) -> float:
     )
     slope = np.concatenate([down[np.isfinite(down)], right[np.isfinite(right)]])
     steep = np.percentile(slope, _STEEP_PERCENTILE) if len(slope) else 0.0
-    return float(np.clip(1.0 / max(steep, 1e-9), 1.0, _LARGEST_EXAGGERATION))
+    return float(np.clip(_STEEP_SLOPE / max(steep, 1e-9), 1.0, _LARGEST_EXAGGERATION))
