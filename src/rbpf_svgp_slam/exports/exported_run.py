@@ -45,15 +45,13 @@ def load_exported_run(folder: Path) -> ExportedRun:
         raise RunFolderError(f"{folder}: no such folder; expected a run folder")
     survey = load_npz(folder / "survey.npz", _SURVEY)
     stamp_s = survey["stamp_s"]
+    poses = _poses(folder / "trajectory.tum", stamp_s)
     try:
-        poses = poses_at(folder / "trajectory.tum", stamp_s)
         ping_of_beam = np.repeat(np.arange(len(stamp_s)), survey["beams_per_ping"])
         beams = place_beams(survey["levelled"].astype(float), ping_of_beam, poses)
         used = np.isfinite(beams).all(axis=1) & ~survey["held_out"].astype(bool)[ping_of_beam]
     except (IndexError, TypeError, ValueError) as error:
-        raise RunFolderError(f"{folder}: expected poses and beams of pings ({error})") from error
-    if not np.isfinite(poses).all(axis=1).any():
-        raise RunFolderError(f"{folder}/trajectory.tum: expected poses at the stamps of the pings")
+        raise RunFolderError(f"{folder}/survey.npz: expected beams of pings ({error})") from error
     beams, ping_of_beam = beams[used], ping_of_beam[used]
     source, seabed, noise_variance_m2 = _seabed(folder, beams)
     return ExportedRun(
@@ -76,6 +74,18 @@ def cells_of(grid: GridMap, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     i, j = np.floor((xy - [grid.x[0], grid.y[0]]) / spacing_m + 0.5).astype(np.int64).T
     inside = (i >= 0) & (i < len(grid.x)) & (j >= 0) & (j < len(grid.y))
     return i * len(grid.y) + j, inside
+
+
+def _poses(path: Path, stamp_s: np.ndarray) -> np.ndarray:
+    """Poses [P, 6], of which some are known."""
+    try:
+        poses = poses_at(path, stamp_s)
+    except (IndexError, TypeError, ValueError) as error:
+        where = "" if str(error).startswith(str(path)) else f"{path}: expected poses: "
+        raise RunFolderError(f"{where}{error}") from error
+    if not np.isfinite(poses).all(axis=1).any():
+        raise RunFolderError(f"{path}: has no pose at a stamp of survey.npz; expected the pings'")
+    return poses
 
 
 def _seabed(folder: Path, beams: np.ndarray) -> tuple[str, GridMap, float]:

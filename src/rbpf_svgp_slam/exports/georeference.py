@@ -38,7 +38,9 @@ class Georeference:
         Raises ValueError with the CRS's name and what was expected.
         """
         latitude, longitude = origin_deg
-        self.origin_deg = (float(latitude), float((longitude + 180.0) % 360.0 - 180.0))
+        if not -180.0 <= longitude < 180.0:
+            longitude = (longitude + 180.0) % 360.0 - 180.0
+        self.origin_deg = (float(latitude), float(longitude))
         self.epsg = epsg or utm_epsg(self.origin_deg)
         crs, vertical = projected_crs(self.epsg), _vertical_crs(vertical_epsg)
         self.name, self.vertical_name = crs.name, vertical.name
