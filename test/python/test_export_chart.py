@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_survey import seabed
 
 from rbpf_svgp_slam.exports import s44
 from rbpf_svgp_slam.exports.chart import make_chart
@@ -13,6 +14,7 @@ from rbpf_svgp_slam.exports.georeference import Georeference
 from rbpf_svgp_slam.exports.uncertainty import position_variance, slopes
 from rbpf_svgp_slam.exports.vector_files import contour_interval_m
 from rbpf_svgp_slam.run.survey_run import GridMap
+from rbpf_svgp_slam.survey_area.grid import grid_points
 
 SLOPE = np.array([0.3, -0.2])
 BEAMS_XY = np.array([[10.0, 20.0], [14.0, 20.0]])
@@ -117,6 +119,21 @@ def test_all_shares_make_the_standard_deviation():
     np.testing.assert_allclose(chart.seabed_std[chart.known], 0.02, rtol=1e-6)
     expected = np.sqrt(0.02**2 + 0.05**2 + position)
     np.testing.assert_allclose(chart.std[chart.known], expected, rtol=1e-6)
+
+
+def test_the_true_seabed_lies_within_it(placed_folder):
+    """Of a survey whose ripples are steep, with a track that errs by half a metre."""
+    run = load_exported_run(placed_folder)
+    error = run.seabed.mean - seabed(grid_points(run.seabed.x, run.seabed.y)).reshape(
+        run.seabed.mean.shape
+    )
+    known = np.isfinite(error)
+    shares = [
+        np.mean(np.abs(error[known]) < s44.SIGMAS_95 * np.sqrt(variance[known]))
+        for variance in (run.seabed.variance, run.seabed.variance + position_variance(run))
+    ]
+    # Of 95 %; the map alone is too sure, since it takes its beams for where they are said to be.
+    assert shares[0] < 0.9 < shares[1], shares
 
 
 def test_a_map_is_masked_as_the_seabed_is(placed_folder, tmp_path):
