@@ -111,6 +111,20 @@ def test_beams_are_counted_where_they_fell():
         assert np.abs(en - place).max(axis=1).min() <= 0.5 + 1e-9
 
 
+def test_a_chart_that_no_memory_holds_is_coarser(monkeypatch):
+    run, georeference = make_exported(), Georeference((57.5, 11.2))
+    fine = make_chart(run, georeference)
+    monkeypatch.setattr("rbpf_svgp_slam.exports.chart.MOST_CELLS", 1000)
+    coarse = make_chart(run, georeference)
+    assert (fine.resolution_m, coarse.resolution_m) == (1.0, 4.0)
+    assert coarse.elevation.size <= 1000 and coarse.density.sum() == fine.density.sum()
+    row, column = np.nonzero(coarse.known)
+    en = np.column_stack([coarse.easting[column], coarse.northing[row]])
+    xy = georeference.from_projected(en)
+    inner = ((xy > [-30, -20]) & (xy < [40, 50])).all(axis=1)
+    np.testing.assert_allclose(coarse.elevation[coarse.known][inner], plane(xy)[inner], atol=1e-6)
+
+
 def test_all_shares_make_the_standard_deviation():
     run = make_exported(np.array([[0.2**2, 0, 0, 0.1**2, 0, 0]]))
     chart = make_chart(run, Georeference((57.5, 11.2)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import binary_erosion, map_coordinates
 
 from rbpf_svgp_slam.exports import s44
 from rbpf_svgp_slam.exports.exported_run import ExportedRun
@@ -16,8 +16,8 @@ from rbpf_svgp_slam.survey_area.grid import grid_points
 
 # Cells that are projected together, to bound the memory.
 _CELLS = 1_000_000
-#: More would be no chart, but a survey whose map is in another place than its area.
-MOST_CELLS = 200_000_000
+#: Some 4 GB of memory, all formats together.
+MOST_CELLS = 20_000_000
 
 
 @dataclass
@@ -52,65 +52,76 @@ class Chart:
 
 
 def make_chart(run: ExportedRun, georeference: Georeference) -> Chart:
-    """Draw the run's seabed on the grid of the CRS.
+    """Draw the run's seabed on a grid of the CRS, at the map's resolution.
 
     Bilinear between the map's cells, among those that are known; known where the nearest is.
     Variances are interpolated as the depths are, which is no less than the interpolated depth's.
     Beams are counted where they fell, not interpolated.
     """
-    grid = run.seabed
-    resolution_m = float(min(grid.x[1] - grid.x[0], grid.y[1] - grid.y[0]))
-    west_m, north_m, rows, columns = _extent(grid, georeference, resolution_m)
-    position = np.where(np.isfinite(grid.mean), position_variance(run), np.nan)
-    layers = [grid.mean, grid.variance, position]
-    drawn = np.empty((3, rows, columns))
-    block = max(1, _CELLS // columns)
-    easting = west_m + resolution_m * (np.arange(columns) + 0.5)
-    for first in range(0, rows, block):
-        northing = north_m - resolution_m * (np.arange(first, min(first + block, rows)) + 0.5)
-        en = np.stack(np.meshgrid(easting, northing), axis=-1).reshape(-1, 2)
-        values = _interpolated(grid, layers, georeference.from_projected(en))
-        drawn[:, first : first + block] = values.reshape(3, -1, columns)
-    elevation, seabed, position = drawn
+    position = np.where(np.isfinite(run.seabed.mean), position_variance(run), np.nan)
+    frame = _frame_of(run.seabed, georeference)
+    layers = [run.seabed.mean, run.seabed.variance, position]
+    elevation, seabed, position = _drawn(run.seabed, layers, georeference, frame)
     std = np.sqrt(seabed + run.noise_variance_m2 + position)
-    corner = (west_m, north_m, resolution_m)
     return Chart(
         georeference=georeference,
-        resolution_m=resolution_m,
-        west_m=west_m,
-        north_m=north_m,
+        resolution_m=frame.resolution_m,
+        west_m=frame.west_m,
+        north_m=frame.north_m,
         elevation=elevation,
         std=std,
         seabed_std=np.sqrt(seabed),
         position_std=np.sqrt(position),
-        density=_density(run, georeference, corner, elevation.shape),
+        density=_density(run.beams[:, :2], georeference, frame),
         order=s44.orders_met(elevation, std),
     )
 
 
-def _extent(
-    grid: GridMap, georeference: Georeference, resolution_m: float
-) -> tuple[float, float, int, int]:
-    """West and north edge, rows and columns of the known seabed, at multiples of the resolution."""
-    known = grid_points(grid.x, grid.y)[np.isfinite(grid.mean).ravel()]
-    # Only the outline counts, and with it the corners of its cells.
-    half = 0.5 * np.array([grid.x[1] - grid.x[0], grid.y[1] - grid.y[0]])
-    corners = np.vstack([known + half * side for side in ([1, 1], [1, -1], [-1, 1], [-1, -1])])
-    en = np.vstack(
-        [
-            georeference.projected(part)
-            for part in np.array_split(corners, 1 + len(corners) // _CELLS)
-        ]
-    )
-    low = np.floor(en.min(axis=0) / resolution_m)
-    high = np.ceil(en.max(axis=0) / resolution_m)
-    columns, rows = (high - low).astype(np.int64)
-    if rows * columns > MOST_CELLS:
-        raise ValueError(
-            f"the seabed needs {rows} x {columns} cells of {resolution_m:g} m; expected at most "
-            f"{MOST_CELLS}"
-        )
-    return float(low[0]) * resolution_m, float(high[1]) * resolution_m, int(rows), int(columns)
+@dataclass(frozen=True)
+class _Frame:
+    """Where the grid lies in the CRS."""
+
+    resolution_m: float
+    west_m: float
+    north_m: float
+    rows: int
+    columns: int
+
+
+def _frame_of(grid: GridMap, georeference: Georeference) -> _Frame:
+    """Around the known seabed, with edges at multiples of the resolution: the map's, doubled until
+    there are not too many cells."""
+    known = np.isfinite(grid.mean)
+    rim = known & ~binary_erosion(known)
+    centres = grid_points(grid.x, grid.y)[rim.ravel()]
+    steps = np.array([grid.x[1] - grid.x[0], grid.y[1] - grid.y[0]])
+    corners = [centres + 0.5 * steps * side for side in ([1, 1], [1, -1], [-1, 1], [-1, -1])]
+    en = georeference.projected(np.vstack(corners))
+    resolution_m = float(steps.min())
+    while True:
+        low = np.floor(en.min(axis=0) / resolution_m)
+        high = np.ceil(en.max(axis=0) / resolution_m)
+        columns, rows = (high - low).astype(np.int64).tolist()
+        if rows * columns <= MOST_CELLS:
+            west_m, north_m = float(low[0]) * resolution_m, float(high[1]) * resolution_m
+            return _Frame(resolution_m, west_m, north_m, rows, columns)
+        resolution_m *= 2.0
+
+
+def _drawn(
+    grid: GridMap, layers: list[np.ndarray], georeference: Georeference, frame: _Frame
+) -> np.ndarray:
+    """Layers [k, nx, ny] of the grid as layers [k, rows, columns] of the frame."""
+    drawn = np.empty((len(layers), frame.rows, frame.columns))
+    block = max(1, _CELLS // frame.columns)
+    easting = frame.west_m + frame.resolution_m * (np.arange(frame.columns) + 0.5)
+    for first in range(0, frame.rows, block):
+        rows = np.arange(first, min(first + block, frame.rows))
+        northing = frame.north_m - frame.resolution_m * (rows + 0.5)
+        en = np.stack(np.meshgrid(easting, northing), axis=-1).reshape(-1, 2)
+        values = _interpolated(grid, layers, georeference.from_projected(en))
+        drawn[:, rows] = values.reshape(len(layers), len(rows), frame.columns)
+    return drawn
 
 
 def _interpolated(grid: GridMap, layers: list[np.ndarray], xy: np.ndarray) -> np.ndarray:
@@ -132,19 +143,14 @@ def _interpolated(grid: GridMap, layers: list[np.ndarray], xy: np.ndarray) -> np
     return result
 
 
-def _density(
-    run: ExportedRun,
-    georeference: Georeference,
-    corner: tuple[float, float, float],
-    shape: tuple[int, int],
-) -> np.ndarray:
-    """Beams [rows, columns] in each cell, int32."""
-    west_m, north_m, resolution_m = corner
-    counts = np.zeros(shape, np.int32)
-    for part in np.array_split(run.beams[:, :2], 1 + len(run.beams) // _CELLS):
+def _density(xy: np.ndarray, georeference: Georeference, frame: _Frame) -> np.ndarray:
+    """How many of xy [n, 2] in map fell into each cell [rows, columns], int32."""
+    counts = np.zeros(frame.rows * frame.columns, np.int64)
+    for part in np.array_split(xy, 1 + len(xy) // _CELLS):
         easting, northing = georeference.projected(part).T
-        column = np.floor((easting - west_m) / resolution_m).astype(np.int64)
-        row = np.floor((north_m - northing) / resolution_m).astype(np.int64)
-        inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
-        np.add.at(counts, (row[inside], column[inside]), 1)
-    return counts
+        column = np.floor((easting - frame.west_m) / frame.resolution_m).astype(np.int64)
+        row = np.floor((frame.north_m - northing) / frame.resolution_m).astype(np.int64)
+        inside = (row >= 0) & (row < frame.rows) & (column >= 0) & (column < frame.columns)
+        cell = (row * frame.columns + column)[inside]
+        counts += np.bincount(cell, minlength=len(counts))
+    return counts.reshape(frame.rows, frame.columns).astype(np.int32)

@@ -92,9 +92,7 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
     another program can be scored too. terrain: the true seabed; by default report.json says where.
     """
     out_dir = Path(out_dir)
-    survey = load_npz(
-        out_dir / "survey.npz", ("stamp_s", "held_out", "beams_per_ping", "levelled")
-    )
+    survey = load_npz(out_dir / "survey.npz", ("stamp_s", "held_out", "beams_per_ping", "levelled"))
     stamp_s = survey["stamp_s"]
     grid, predict, extras = _load_map(out_dir / "map.npz")
     statistics = _statistics(out_dir)
