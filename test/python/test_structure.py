@@ -31,6 +31,7 @@ ROOMS = [
     "bags",
     "checking",
     "simulation",
+    "importers",
     "experiments",
     "recorder",
     "map_node",
