@@ -30,12 +30,10 @@ def in_map(
     received_s = sent_s + np.nan_to_num(swath.travel_time_s)
     transmitter_m, transmitter_axis = _array(track, sent_s, installation.transmitter, FORWARD)
     receiver_m, receiver_axis = _array(track, received_s, installation.receiver, STARBOARD)
-    down = np.array([0.0, 0.0, -1.0])
-    direction = _where_cones_meet(
-        transmitter_axis, np.sin(swath.tilt_rad), receiver_axis, np.sin(swath.angle_rad), down
+    direction, array_m = _where_cones_meet(
+        (transmitter_m, transmitter_axis, np.sin(swath.tilt_rad)),
+        (receiver_m, receiver_axis, np.sin(swath.angle_rad)),
     )
-    # from both ends of its way: the vehicle has moved on until the echo came
-    array_m = 0.5 * (transmitter_m + receiver_m)
     horizontal = np.linalg.norm(direction[:, :2], axis=1)
     angle_rad = np.arctan2(horizontal, -direction[:, 2])
     one_way_s = 0.5 * swath.travel_time_s
@@ -69,23 +67,27 @@ def _array(
 
 
 def _where_cones_meet(
-    axis: np.ndarray,
-    sine: np.ndarray,
-    other_axis: np.ndarray,
-    other_sine: np.ndarray,
-    side: np.ndarray,
-) -> np.ndarray:
-    """Unit vectors d [B, 3] with d·axis = sine and d·other_axis = other_sine, on the side [3].
+    sent: tuple[np.ndarray, ...], received: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Directions [B, 3], unit vectors d with d·axis = sine for both, downwards; where they begin.
 
-    Axes [B, 3]; sines [B] of the angles from the planes across them; NaN where they do not meet.
+    sent, received: apex [B, 3], axis [B, 3] and sine [B] of the angle from the plane across it.
+    NaN where the cones do not meet.
     """
+    (sent_m, axis, sine), (received_m, other_axis, other_sine) = sent, received
     # with c = a·b and b' = (b - c a) / sqrt(1 - c²):  d = s a + (s_b - c s) / sqrt(1 - c²) b' + n
     cosine = np.sum(axis * other_axis, axis=1)
     across = np.sqrt(1 - cosine**2)
     perpendicular = (other_axis - cosine[:, None] * axis) / across[:, None]
     along = (other_sine - cosine * sine) / across
     normal = np.cross(axis, perpendicular)
-    normal *= np.sign(normal @ side)[:, None]
+    normal *= -np.sign(normal[:, 2:])  # z is up
     with np.errstate(invalid="ignore"):
         rest = np.sqrt(1 - sine**2 - along**2)
-    return sine[:, None] * axis + along[:, None] * perpendicular + rest[:, None] * normal
+    direction = sine[:, None] * axis + along[:, None] * perpendicular + rest[:, None] * normal
+    # each cone fixes the beam along its own axis, from its own apex; the way there and back is
+    # as long as twice that from between both
+    apart_m = received_m - sent_m
+    to_receiver = np.sum(apart_m * perpendicular, axis=1)
+    halfway = 0.5 * np.sum(apart_m * normal, axis=1)
+    return direction, sent_m + to_receiver[:, None] * perpendicular + halfway[:, None] * normal
