@@ -12,10 +12,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rbpf_svgp_slam.bags.recorded_survey import Trajectory, rotation_from_rpy
-from rbpf_svgp_slam.importers.ray_tracing import bent, straight
+from rbpf_svgp_slam.importers.ray_tracing import bent
 from rbpf_svgp_slam.importers.sonar_recording import Installation, Placed, SoundSpeedProfile, Swath
 from rbpf_svgp_slam.importers.vehicle_track import mount_rpy_rad, place_m
 
+#: Of the search for the way back's length. It shortens the error by the arrays' distance over the
+#: range each time: ten to a millimetre for arrays 2 m apart in 5 m of water.
+ROUNDS = 10
 FORWARD, STARBOARD = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
 
@@ -24,28 +27,42 @@ def in_map(
     track: Trajectory,
     installation: Installation,
     profile: SoundSpeedProfile | None,
+    speed_of_profile: bool = False,
 ) -> np.ndarray:
-    """Points [B, 3] in the map frame, m; NaN without a detection."""
+    """Points [B, 3] in the map frame, m; NaN without a detection.
+
+    speed_of_profile: the beams' angles are those in the profile's water, as
+    Recording.speed_of_profile.
+    """
     sent_s = swath.time_s + swath.delay_s
     received_s = sent_s + np.nan_to_num(swath.travel_time_s)
     transmitter_m, transmitter_axis = _array(track, sent_s, installation.transmitter, FORWARD)
     receiver_m, receiver_axis = _array(track, received_s, installation.receiver, STARBOARD)
-    direction, array_m = _where_cones_meet(
+    depth_m = max(0.0, -0.5 * float((transmitter_m + receiver_m)[:, 2].mean()))
+    speed_mps = swath.surface_speed_mps
+    if profile is not None and speed_of_profile:
+        speed_mps = float(np.interp(depth_m, profile.depth_m, profile.speed_mps))
+    straight_m = _where_cones_meet(
         (transmitter_m, transmitter_axis, np.sin(swath.tilt_rad)),
         (receiver_m, receiver_axis, np.sin(swath.angle_rad)),
+        speed_mps * swath.travel_time_s,
     )
-    horizontal = np.linalg.norm(direction[:, :2], axis=1)
-    angle_rad = np.arctan2(horizontal, -direction[:, 2])
-    one_way_s = 0.5 * swath.travel_time_s
     if profile is None:
-        across_down_m = straight(angle_rad, one_way_s, swath.surface_speed_mps)
-    else:
-        depth_m = max(0.0, -float(array_m[:, 2].mean()))
-        speed_mps = swath.surface_speed_mps
-        across_down_m = bent(angle_rad, one_way_s, speed_mps, depth_m, profile)
-    across_m, down_m = across_down_m.T
-    towards = direction[:, :2] / np.maximum(horizontal, 1e-12)[:, None]
-    return array_m + np.column_stack([towards * across_m[:, None], -down_m])
+        return straight_m
+    # the way there and the way back, taken as one from between the arrays
+    array_m = 0.5 * (transmitter_m + receiver_m)
+    towards_m = straight_m - array_m
+    horizontal_m = np.linalg.norm(towards_m[:, :2], axis=1)
+    across_m, down_m = bent(
+        np.arctan2(horizontal_m, -towards_m[:, 2]),
+        np.linalg.norm(towards_m, axis=1) / speed_mps,
+        speed_mps,
+        depth_m,
+        profile,
+    ).T
+    towards_m[:, :2] *= (across_m / np.maximum(horizontal_m, 1e-9))[:, None]
+    towards_m[:, 2] = -down_m
+    return array_m + towards_m
 
 
 def in_sensor(points_m: np.ndarray, time_s: float, track: Trajectory, sensor: Placed) -> np.ndarray:
@@ -67,27 +84,33 @@ def _array(
 
 
 def _where_cones_meet(
-    sent: tuple[np.ndarray, ...], received: tuple[np.ndarray, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Directions [B, 3], unit vectors d with d·axis = sine for both, downwards; where they begin.
+    sent: tuple[np.ndarray, ...], received: tuple[np.ndarray, ...], way_m: np.ndarray
+) -> np.ndarray:
+    """Where sound of one speed turns back, [B, 3], below both arrays.
 
-    sent, received: apex [B, 3], axis [B, 3] and sine [B] of the angle from the plane across it.
-    NaN where the cones do not meet.
+    sent, received: an array's place [B, 3], its axis [B, 3], the sine [B] of the beam's angle from
+    the plane across the axis; way_m [B]: there and back. NaN where cones and ellipsoid do not meet.
     """
     (sent_m, axis, sine), (received_m, other_axis, other_sine) = sent, received
-    # with c = a·b and b' = (b - c a) / sqrt(1 - c²):  d = s a + (s_b - c s) / sqrt(1 - c²) b' + n
     cosine = np.sum(axis * other_axis, axis=1)
     across = np.sqrt(1 - cosine**2)
     perpendicular = (other_axis - cosine[:, None] * axis) / across[:, None]
-    along = (other_sine - cosine * sine) / across
     normal = np.cross(axis, perpendicular)
     normal *= -np.sign(normal[:, 2:])  # z is up
-    with np.errstate(invalid="ignore"):
-        rest = np.sqrt(1 - sine**2 - along**2)
-    direction = sine[:, None] * axis + along[:, None] * perpendicular + rest[:, None] * normal
-    # each cone fixes the beam along its own axis, from its own apex; the way there and back is
-    # as long as twice that from between both
-    apart_m = received_m - sent_m
-    to_receiver = np.sum(apart_m * perpendicular, axis=1)
-    halfway = 0.5 * np.sum(apart_m * normal, axis=1)
-    return direction, sent_m + to_receiver[:, None] * perpendicular + halfway[:, None] * normal
+    to_receiver_m = received_m - sent_m
+    to_receiver = np.sum(to_receiver_m * other_axis, axis=1)
+    back_m = 0.5 * way_m
+    for _ in range(ROUNDS):
+        there_m = way_m - back_m
+        # with the point p from the transmitter, its axis a and the receiver's b = c a + s b':
+        # p·a = sin(tilt) there,  (p - receiver)·b = sin(angle) back,  |p| = there
+        along_m = sine * there_m
+        aside_m = (other_sine * back_m + to_receiver - cosine * along_m) / across
+        below_m2 = there_m**2 - along_m**2 - aside_m**2
+        below_m = np.sqrt(np.maximum(below_m2, 0.0))
+        point_m = along_m[:, None] * axis + aside_m[:, None] * perpendicular
+        point_m += below_m[:, None] * normal
+        # as much longer as this was, that will be shorter: the truth is halfway
+        back_m = 0.5 * (back_m + np.linalg.norm(point_m - to_receiver_m, axis=1))
+    point_m[~(below_m2 > 0)] = np.nan
+    return sent_m + point_m

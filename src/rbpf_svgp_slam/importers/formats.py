@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rbpf_svgp_slam.importers.all_file import is_all, read_all
+from rbpf_svgp_slam.importers.kmall_file import is_kmall, read_kmall
 from rbpf_svgp_slam.importers.sonar_recording import Recording
 from rbpf_svgp_slam.importers.sonar_file import SonarFile
 from rbpf_svgp_slam.importers.xtf_file import is_xtf, read_xtf
 
-READERS = ((is_xtf, read_xtf),)
+READERS = ((is_xtf, read_xtf), (is_kmall, read_kmall), (is_all, read_all))
 
 
 def read_sonar_file(path: Path) -> Recording:

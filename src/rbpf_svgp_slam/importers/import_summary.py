@@ -15,6 +15,9 @@ from rbpf_svgp_slam.importers.sonar_survey import SonarSurvey
 from rbpf_svgp_slam.importers.vehicle_track import GAP_S
 from rbpf_svgp_slam.parameters.known import default_parameters
 
+#: Between the array's probe and the profile's uppermost speed: some 2 °C.
+CONTRADICTS_MPS = 5.0
+
 
 def summary(bag: Path, recordings: Sequence[Recording], survey: SonarSurvey, wall_s: float) -> str:
     """Several lines: the files, what was assumed, what was left out, the bag."""

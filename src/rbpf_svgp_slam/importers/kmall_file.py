@@ -67,6 +67,7 @@ def read_kmall(file: SonarFile) -> Recording:
         Attitudes(none, none, none, none, none),
         [],
         Installation(),
+        speed_of_profile=True,
     )
     positions, attitudes, depths = [], [], []
     counts: Counter[bytes] = Counter()

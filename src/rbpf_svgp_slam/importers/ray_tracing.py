@@ -17,12 +17,6 @@ LAYER_M = 0.5
 MOST_LAYERS = 2000
 
 
-def straight(angle_rad: np.ndarray, time_s: np.ndarray, speed_mps: float) -> np.ndarray:
-    """Across and down [B, 2], m, in water of one speed; angles [B] from nadir, one-way times."""
-    range_m = speed_mps * time_s
-    return np.stack([range_m * np.sin(angle_rad), range_m * np.cos(angle_rad)], axis=-1)
-
-
 def bent(
     angle_rad: np.ndarray,
     time_s: np.ndarray,

@@ -95,7 +95,9 @@ class SoundSpeedProfile:
 class Recording:
     """One file. Sound speed profile and depths are None where it has none.
 
-    found, assumed: lines for the summary; cut_off: where and how the file ends too early, or "".
+    speed_of_profile: angles are those in the profile's water at the array, whatever the array's
+    own probe says, as the maker's processing takes them. found, assumed: lines for the summary; cut_off:
+    where and how the file ends too early, or "".
     """
 
     path: Path
@@ -106,6 +108,7 @@ class Recording:
     installation: Installation
     profile: SoundSpeedProfile | None = None
     depths: Depths | None = None
+    speed_of_profile: bool = False
     found: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     cut_off: str = ""

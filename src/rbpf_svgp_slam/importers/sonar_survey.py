@@ -19,7 +19,6 @@ from rbpf_svgp_slam.importers.sonar_recording import (
     Installation,
     Positions,
     Recording,
-    SoundSpeedProfile,
     Swath,
 )
 from rbpf_svgp_slam.importers.sonar_file import ImportProblem
@@ -155,11 +154,11 @@ def _pings(
     progress: Callable[[float], None],
 ) -> _Pings:
     pings = _Pings()
-    swaths = [(swath, recording.profile) for recording in recordings for swath in recording.swaths]
+    swaths = [(swath, recording) for recording in recordings for swath in recording.swaths]
     swaths.sort(key=lambda pair: pair[0].time_s)
-    for count, (swath, profile) in enumerate(swaths):
+    for count, (swath, recording) in enumerate(swaths):
         progress(count / len(swaths))
-        _add(pings, swath, profile, tracks, installation)
+        _add(pings, swath, recording, tracks, installation)
     progress(1.0)
     if not pings.time_s:
         raise ImportProblem(
@@ -172,7 +171,7 @@ def _pings(
 def _add(
     pings: _Pings,
     swath: Swath,
-    profile: SoundSpeedProfile | None,
+    recording: Recording,
     tracks: Sequence[Trajectory],
     installation: Installation,
 ) -> None:
@@ -184,7 +183,7 @@ def _add(
     if track is None:
         pings.outside += 1
         return
-    map_m = in_map(swath, track, installation, profile)
+    map_m = in_map(swath, track, installation, recording.profile, recording.speed_of_profile)
     map_m = map_m[np.isfinite(map_m).all(axis=1)]
     if not len(map_m):
         pings.empty += 1
