@@ -96,8 +96,8 @@ class Recording:
     """One file. Sound speed profile and depths are None where it has none.
 
     speed_of_profile: angles are those in the profile's water at the array, whatever the array's
-    own probe says, as the maker's processing takes them. found, assumed: lines for the summary; cut_off:
-    where and how the file ends too early, or "".
+    own probe says, as the maker's processing takes them. found, assumed: lines for the summary;
+    cut_off: where and how the file ends too early, or "".
     """
 
     path: Path

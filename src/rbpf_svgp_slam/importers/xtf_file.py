@@ -47,7 +47,7 @@ def read_xtf(file: SonarFile) -> Recording:
     header = pyxtf.XTFFileHeader.create_from_buffer(file.data[:FILE_HEADER_BYTES])
     if header.NavUnits != DEGREES_OF_LATITUDE:
         found = f"NavUnits {header.NavUnits}"
-        raise file.error(166, found, f"{DEGREES_OF_LATITUDE}, latitude and longitude")
+        raise file.error(164, found, f"{DEGREES_OF_LATITUDE}, latitude and longitude")
     positions, attitudes, swaths = [], [], []
     counts: Counter[int] = Counter()
     recording = Recording(file.path, "", *_empty(), swaths, Installation())
