@@ -53,6 +53,13 @@ def degrade_odometry(
     return degraded
 
 
+def drift_line(odometry: Trajectory, truth: Trajectory) -> str:
+    """What has become of it, for the user."""
+    error_m = np.linalg.norm((odometry.position_m - truth.position_m)[:, :2], axis=1)
+    rms_m = np.sqrt(np.mean(error_m**2))
+    return f"odometry degraded: final error {error_m[-1]:.2f} m, RMSE {rms_m:.2f} m (horizontal)"
+
+
 def _moved(odometry: Trajectory, truth: Trajectory, estimate: Trajectory) -> Trajectory:
     """By the rigid motion in the plane that takes the end of a true track to the estimate's."""
     turn_rad = estimate.rpy_rad[-1, 2] - truth.rpy_rad[-1, 2]

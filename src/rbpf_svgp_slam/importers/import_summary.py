@@ -10,6 +10,7 @@ import numpy as np
 
 from rbpf_svgp_slam.checking.facts import ChosenTopics
 from rbpf_svgp_slam.checking.overlay import ROOM, Overlay
+from rbpf_svgp_slam.importers.degrade import drift_line
 from rbpf_svgp_slam.importers.sonar_recording import Placed, Recording
 from rbpf_svgp_slam.importers.sonar_survey import SonarSurvey
 from rbpf_svgp_slam.importers.vehicle_track import GAP_S
@@ -131,6 +132,4 @@ def _drift(survey: SonarSurvey) -> list[str]:
     recorded = survey.recorded
     if recorded.ground_truth is None:
         return []
-    error_m = (recorded.odometry.position_m - recorded.ground_truth.position_m)[:, :2]
-    last_m, rms_m = np.linalg.norm(error_m[-1]), np.sqrt(np.mean(np.sum(error_m**2, axis=1)))
-    return [f"odometry degraded: final error {last_m:.2f} m, RMSE {rms_m:.2f} m (horizontal)"]
+    return [drift_line(recorded.odometry, recorded.ground_truth)]

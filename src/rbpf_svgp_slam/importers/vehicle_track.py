@@ -55,6 +55,20 @@ def make_tracks(recording: Recording, frame: LocalFrame, rate_hz: float) -> list
     return tracks
 
 
+def moving(time_s: np.ndarray, position_m: np.ndarray, rpy_rad: np.ndarray) -> Trajectory:
+    """Poses [T, 3], [T, 3] at even times [T], and the twists that lead from one to the next."""
+    period_s = time_s[1] - time_s[0]
+    velocity_mps = np.gradient(position_m, period_s, axis=0)
+    yaw_rate_radps = np.gradient(rpy_rad[:, 2], period_s)
+    return Trajectory(
+        time_s=time_s,
+        position_m=position_m,
+        rpy_rad=rpy_rad,
+        linear_mps=rotation_from_rpy(rpy_rad).inv().apply(velocity_mps),
+        angular_radps=body_rates(rpy_rad, yaw_rate_radps, period_s),
+    )
+
+
 def join(tracks: Sequence[Trajectory]) -> Trajectory:
     """One after the other, with the gaps between them; yaw goes on without a jump."""
     arrays = {}
@@ -105,16 +119,7 @@ def _track(
     xyz_m[:, :2] = PchipInterpolator(positions.time_s, east_north_m)(time_s)
     xyz_m[:, :2] -= turned.apply(place_m(installation.positioning))[:, :2]
     xyz_m[:, 2] = _height(time_s, recording, attitudes, turned)
-    period_s = time_s[1] - time_s[0]
-    velocity_mps = np.gradient(xyz_m, period_s, axis=0)
-    yaw_rate_radps = np.gradient(rpy_rad[:, 2], period_s)
-    return Trajectory(
-        time_s=time_s,
-        position_m=xyz_m,
-        rpy_rad=rpy_rad,
-        linear_mps=turned.inv().apply(velocity_mps),
-        angular_radps=body_rates(rpy_rad, yaw_rate_radps, period_s),
-    )
+    return moving(time_s, xyz_m, rpy_rad)
 
 
 def _attitude(time_s: np.ndarray, attitudes: Attitudes, sensor: Placed) -> np.ndarray:
