@@ -7,6 +7,7 @@ import dataclasses
 import math
 import sys
 import time
+import warnings
 from pathlib import Path
 from typing import Sequence
 
@@ -139,7 +140,9 @@ def read_profile(path: Path) -> SoundSpeedProfile:
     """Two columns, depth in m and sound speed in m/s. Raises ImportProblem."""
     expected = "two columns of numbers, increasing depths in m and sound speeds in m/s"
     try:
-        depth_m, speed_mps = np.loadtxt(path, ndmin=2).T
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numpy's, of an empty file
+            depth_m, speed_mps = np.loadtxt(path, ndmin=2).T
     except ValueError as error:
         raise ImportProblem(f"{path}: {error}, expected {expected}") from error
     if not (len(depth_m) and (np.diff(depth_m) > 0).all() and (speed_mps > 0).all()):
