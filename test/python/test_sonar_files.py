@@ -1,16 +1,18 @@
 """Files of sonars, made up and real: what is read of them, and what is refused, and where."""
 
 import struct
+import sys
 
 import numpy as np
 import pytest
 import sonar_files
-from sonar_files import DEPTH_M, SHARED, SPEED_MPS
+from sonar_files import DEPTH_M, DOWN_M, SHARED, SPEED_MPS
 
 from rbpf_svgp_slam.importers.beam_geometry import in_map
 from rbpf_svgp_slam.importers.formats import read_sonar_file
 from rbpf_svgp_slam.importers.local_frame import LocalFrame
 from rbpf_svgp_slam.importers.sonar_file import ImportProblem, SonarFileError
+from rbpf_svgp_slam.importers.sonar_survey import make_survey
 from rbpf_svgp_slam.importers.vehicle_track import make_tracks
 
 pytest.importorskip("pyproj", reason="pyproj is not installed")
@@ -177,6 +179,60 @@ def test_a_packet_of_no_length_does_not_go_on_for_ever(write):
     struct.pack_into("<I", data, 1024 + 10, 0)
     with pytest.raises(ImportProblem, match="at byte 1034: a packet of 0 bytes"):
         read_sonar_file(write(bytes(data)))
+
+
+def test_an_optional_package_that_is_missing_is_named(write, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyxtf", None)
+    with pytest.raises(ImportProblem, match="pyxtf, .* tools/requirements.sh installs it"):
+        read_sonar_file(write(sonar_files.xtf(1.0)))
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    with pytest.raises(ImportProblem, match="apt-get install python3-pyproj"):
+        LocalFrame(0.0, 0.0)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # numpy's, of numbers that are none
+@pytest.mark.parametrize("kind", MADE_UP)
+def test_whatever_is_wrong_with_a_file_is_told(write, kind):
+    """Bytes are overwritten at random: the file is imported, or refused by its name."""
+    need(kind)
+    rng = np.random.default_rng(1)
+    whole = MADE_UP[kind](1.0)
+    refused = 0
+    for number in range(200):
+        data = np.frombuffer(whole, np.uint8).copy()
+        first = rng.integers(len(data) - 4)
+        # lengths and counts lie in headers, which are early as often as not
+        first = first if number % 2 else first % 1500
+        data[first : first + 4] = rng.choice([0, 255, rng.integers(256)], 4)
+        try:
+            recording = read_sonar_file(write(data.tobytes(), str(number)))
+            make_survey([recording], (60.0, 20.0), 20.0)
+        except ImportProblem as error:
+            assert str(number) in str(error)
+            refused += 1
+    assert refused > 5
+
+
+@pytest.mark.parametrize("kind", ["kmall", "all"])
+def test_a_vehicle_that_dives(write, kind):
+    if kind == "kmall":
+        depths = [
+            sonar_files.kmall_datagram(
+                b"#SDE", t, struct.pack("<4H5f", 8, 0, 0, 0, 50 + t, *[0] * 4)
+            )
+            for t in (0.0, 4.0)
+        ]
+    else:
+        depths = [
+            sonar_files.all_datagram(
+                b"X", t, struct.pack("<2Hf2Hf4x", 0, 15000, DOWN_M + 50 + t, 0, 0, 0.0)
+            )
+            for t in (0.0, 4.0)
+        ]
+    recording = read_sonar_file(write(MADE_UP[kind]() + b"".join(depths)))
+    track = track_of(recording)
+    elapsed_s = track.time_s - recording.positions.time_s[0]
+    np.testing.assert_allclose(track.position_m[:, 2], -50 - elapsed_s, atol=0.01)
 
 
 # Real files

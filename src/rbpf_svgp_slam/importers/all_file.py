@@ -15,6 +15,7 @@ from rbpf_svgp_slam.importers.kongsberg_installation import all_installation
 from rbpf_svgp_slam.importers.sonar_file import SonarFile
 from rbpf_svgp_slam.importers.sonar_recording import (
     Attitudes,
+    Depths,
     Installation,
     Positions,
     Recording,
@@ -43,6 +44,8 @@ SAMPLE = np.dtype(
     + [("heave_cm", "<i2"), ("heading_cdeg", "<u2")]
 )
 NO_DETECTION = 0x80  # a bit
+#: A transmitter that is further below its place in a ship belongs to a vehicle that dives.
+DIVES_M = 1.0
 
 
 def is_all(file: SonarFile) -> bool:
@@ -62,6 +65,7 @@ def read_all(file: SonarFile) -> Recording:
         Installation(),
         speed_of_profile=True,
     )
+    depths: list[tuple[float, float]] = []  # of the transmitter
     solutions: dict[int, np.ndarray] = {}
     pings: list[tuple[int, Swath]] = []
     positions: dict[int, list[tuple[float, ...]]] = {}  # by the sensors' numbers
@@ -74,7 +78,8 @@ def read_all(file: SonarFile) -> Recording:
         elif kind == PING:
             pings.append((counter, read_ping(file, offset, time_s)))
         elif kind == SOLUTION:
-            solutions[counter] = _solution(file, offset)
+            depth_m, solutions[counter] = _solution(file, offset)
+            depths.append((time_s, depth_m))
         elif kind == POSITION:
             sensor, place = _position(file, offset, time_s)
             positions.setdefault(sensor, []).append(place)
@@ -90,6 +95,7 @@ def read_all(file: SonarFile) -> Recording:
     if attitudes:
         best = _most(attitudes, "motion", recording)
         recording.attitudes = Attitudes(*np.concatenate(best, axis=1))
+    _add_depths(recording, depths)
     named = ", ".join(f"{count} {kind}" for kind, count in counts.items())
     recording.found.append(f"datagrams: {named}")
     return recording
@@ -113,7 +119,11 @@ def _datagrams(file: SonarFile, recording: Recording) -> Iterator[tuple[int, int
         if file.data[end - 3] != END:
             raise file.error(end - 3, f"{file.data[end - 3]}", f"{END}, a datagram's end")
         day = (date // 10000, date // 100 % 100, date % 100)
-        yield offset, kind, calendar.timegm((*day, 0, 0, 0)) + 1e-3 * ms, counter
+        try:
+            midnight_s = calendar.timegm((*day, 0, 0, 0))
+        except (ValueError, OverflowError) as error:
+            raise file.error(offset + 8, f"the date {date}", "year, month, day") from error
+        yield offset, kind, midnight_s + 1e-3 * ms, counter
         offset = end
 
 
@@ -138,12 +148,24 @@ def read_ping(file: SonarFile, offset: int, time_s: float) -> Swath:
     )
 
 
-def _solution(file: SonarFile, offset: int) -> np.ndarray:
-    """Of an X, XYZ 88: [B, 3] as Swath.maker_m has it."""
+def _solution(file: SonarFile, offset: int) -> tuple[float, np.ndarray]:
+    """Of an X, XYZ 88: the transmitter's depth; [B, 3] as Swath.maker_m has it."""
     transmitter_m, beams = file.unpack("<fH", offset + BODY + 4, "X")
     beam = file.array(SOUNDING, beams, offset + BODY + 20, "X's beams")
     columns = (beam["x_m"], beam["y_m"], beam["z_m"] + transmitter_m)
-    return np.column_stack(columns).astype(float)
+    return transmitter_m, np.column_stack(columns).astype(float)
+
+
+def _add_depths(recording: Recording, depths: list[tuple[float, float]]) -> None:
+    """Of a vehicle that dives, from those of its transmitter (X): no ship's draught changes so."""
+    if not depths:
+        return
+    time_s, depth_m = np.array(depths).T
+    installation = recording.installation
+    below_m = depth_m - installation.transmitter.down_m
+    if abs(np.median(below_m) + installation.waterline_m) > DIVES_M:
+        recording.depths = Depths(time_s, below_m)
+        recording.assumed.append("the transmitter's depth tells the vehicle's, in place of heave")
 
 
 def _with_solution(swath: Swath, solution_m: np.ndarray | None) -> Swath:
@@ -182,7 +204,10 @@ def _add_installation(file: SonarFile, offset: int, recording: Recording) -> Non
     length, _, _, model = file.unpack("<IBBH", offset, "I")
     text = file.bytes(offset + BODY + 2, max(0, length - BODY - 1), "I's text")
     recording.sonar = f"Kongsberg EM{model}"
-    recording.installation = all_installation(text.decode("latin-1"))
+    try:
+        recording.installation = all_installation(text.decode("latin-1"))
+    except ValueError as error:
+        raise file.error(offset, f"{error}", "numbers in the installation's text") from error
 
 
 def _most(by_sensor: dict[int, list], what: str, recording: Recording) -> list:

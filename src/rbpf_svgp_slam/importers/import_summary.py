@@ -114,7 +114,7 @@ def _place(sensor: Placed) -> str:
     turned = ", ".join(f"{angle:.2f}" for angle in angles)
     return (
         f"{sensor.forward_m:.3f} m forward, {sensor.starboard_m:.3f} m starboard, "
-        f"{sensor.down_m:.3f} m down, turned by {turned}° (roll, pitch, heading)"
+        f"{sensor.down_m + 0.0:.3f} m down, turned by {turned}° (roll, pitch, heading)"
     )
 
 

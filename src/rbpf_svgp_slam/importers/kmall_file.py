@@ -92,7 +92,7 @@ def read_kmall(file: SonarFile) -> Recording:
         recording.depths = Depths(*np.array(depths, float).T)
     if not counts[INSTALLATION]:
         recording.assumed.append("all sensors at the reference point: the file has no #IIP")
-    named = ", ".join(f"{count} {kind.decode()}" for kind, count in counts.items())
+    named = ", ".join(f"{count} {kind.decode('latin-1')}" for kind, count in counts.items())
     recording.found.append(f"datagrams: {named}")
     recording.found.append("positions are those of the pings, at the reference point")
     return recording
@@ -110,7 +110,9 @@ def _datagrams(file: SonarFile, recording: Recording) -> Iterator[tuple[int, byt
         if kind[:1] != b"#" or size < HEADER_BYTES + 4:
             raise file.error(offset, f"{size} bytes of {kind!r}", "a datagram '#...'")
         if size > left:
-            recording.cut_off = f"at byte {offset}: {left} bytes of a {kind.decode()} of {size}"
+            recording.cut_off = (
+                f"at byte {offset}: {left} bytes of a {kind.decode('latin-1')} of {size}"
+            )
             return
         (again,) = file.unpack("<I", offset + size - 4, "a datagram's end")
         if again != size:
@@ -221,4 +223,7 @@ def _installation(file: SonarFile, offset: int, recording: Recording) -> tuple[s
     common_bytes, _, _ = file.unpack("<3H", offset + HEADER_BYTES, "#IIP")
     size = common_bytes - 6
     text = file.bytes(offset + HEADER_BYTES + 6, size, "#IIP's text").decode("latin-1")
-    return kmall_installation(text, recording.assumed)
+    try:
+        return kmall_installation(text, recording.assumed)
+    except ValueError as error:
+        raise file.error(offset, f"{error}", "numbers in the installation's text") from error

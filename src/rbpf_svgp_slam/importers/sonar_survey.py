@@ -12,6 +12,7 @@ from rbpf_svgp_slam.bags.recorded_survey import OdometryNoise, RecordedSurvey, T
 from rbpf_svgp_slam.checking.area_of_beams import area_around
 from rbpf_svgp_slam.importers.beam_geometry import in_map, in_sensor
 from rbpf_svgp_slam.importers.degrade import degrade_odometry, odometry_noise
+from rbpf_svgp_slam.importers.formats import SPEEDS_MPS
 from rbpf_svgp_slam.importers.local_frame import LocalFrame
 from rbpf_svgp_slam.importers.sonar_recording import (
     Attitudes,
@@ -28,6 +29,8 @@ from rbpf_svgp_slam.simulation.dead_reckoning import DeadReckoningNoise
 #: Of each ping, so many beams at most, evenly chosen, tell the survey area and the agreement.
 SAMPLED_BEAMS = 64
 CELL_M = 1.0
+#: Of the longest echo, from 20 km.
+MOST_S = 30.0
 NO_NOISE = OdometryNoise(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -175,6 +178,7 @@ def _add(
     tracks: Sequence[Trajectory],
     installation: Installation,
 ) -> None:
+    swath = _plausible(swath)
     if pings.time_s and swath.time_s <= pings.time_s[-1]:
         pings.twice += 1
         return
@@ -195,6 +199,16 @@ def _add(
     vehicle_m = track.poses_at(np.array([swath.time_s]))[0][0]
     pings.sample_m.append(sample_m)
     pings.reach_m.append(np.linalg.norm((sample_m - vehicle_m)[:, :2], axis=1))
+
+
+def _plausible(swath: Swath) -> Swath:
+    """Without beams that took longer than any echo does, or where the sound's speed is none."""
+    travel_time_s, delay_s = swath.travel_time_s, swath.delay_s
+    with np.errstate(invalid="ignore"):
+        good = (0 < travel_time_s) & (travel_time_s < MOST_S) & (np.abs(delay_s) < MOST_S)
+    good &= SPEEDS_MPS[0] < swath.surface_speed_mps < SPEEDS_MPS[1]
+    travel_time_s, delay_s = np.where(good, travel_time_s, np.nan), np.where(good, delay_s, 0.0)
+    return dataclasses.replace(swath, travel_time_s=travel_time_s, delay_s=delay_s)
 
 
 def _agreement(points_m: np.ndarray) -> float:

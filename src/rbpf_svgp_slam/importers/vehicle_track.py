@@ -147,7 +147,7 @@ def _height(
 ) -> np.ndarray:
     """z [T] of the reference point: by the pressure sensor, or by waterline and heave, m."""
     installation, depths = recording.installation, recording.depths
-    if depths is not None:
+    if depths is not None:  # heave is in them
         return -np.interp(time_s, depths.time_s, depths.depth_m)
     heave_m = np.interp(time_s, attitudes.time_s, attitudes.heave_m)
     # the reference point's own: roll and pitch lift a sensor that is away from it

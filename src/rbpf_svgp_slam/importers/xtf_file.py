@@ -60,7 +60,7 @@ def read_xtf(file: SonarFile) -> Recording:
             swaths.append(swath)
         elif kind == ATTITUDE:
             file.need(offset, 64, "an attitude packet")
-            attitudes.append(_attitude(pyxtf.XTFAttitudeData.from_buffer_copy(file.data, offset)))
+            attitudes.append(_attitude(pyxtf, file, offset))
         elif kind in (NAVIGATION, RAW_NAVIGATION):
             file.need(offset, 64, "a navigation packet")
             positions.append(_position(pyxtf, kind, file, offset))
@@ -108,10 +108,12 @@ def _packets(file: SonarFile, recording: Recording) -> Iterator[tuple[int, int, 
         offset += size
 
 
-def _attitude(packet: Any) -> tuple[float, ...]:
+def _attitude(pyxtf: Any, file: SonarFile, offset: int) -> tuple[float, ...]:
     """Time, roll, pitch, heading, heave."""
+    packet = pyxtf.XTFAttitudeData.from_buffer_copy(file.data, offset)
     angles = (packet.Roll, packet.Pitch, packet.Heading)
-    return (_time_s(packet, packet.Millisecond * 1e-3), *map(math.radians, angles), packet.Heave)
+    time_s = _time_s(file, offset, packet) + packet.Millisecond * 1e-3
+    return (time_s, *map(math.radians, angles), packet.Heave)
 
 
 def _position(pyxtf: Any, kind: int, file: SonarFile, offset: int) -> tuple[float, ...]:
@@ -122,12 +124,17 @@ def _position(pyxtf: Any, kind: int, file: SonarFile, offset: int) -> tuple[floa
     else:
         packet = pyxtf.XTFHeaderNavigation.from_buffer_copy(file.data, offset)
         fraction_s = packet.Microsecond * 1e-6
-    return _time_s(packet, fraction_s), packet.RawYcoordinate, packet.RawXcoordinate
+    time_s = _time_s(file, offset, packet) + fraction_s
+    return time_s, packet.RawYcoordinate, packet.RawXcoordinate
 
 
-def _time_s(packet: Any, fraction_s: float) -> float:
+def _time_s(file: SonarFile, offset: int, packet: Any) -> int:
+    """Of whole seconds."""
     date = (packet.Year, packet.Month, packet.Day, packet.Hour, packet.Minute, packet.Second)
-    return calendar.timegm(date) + fraction_s
+    try:
+        return calendar.timegm(date)
+    except (ValueError, OverflowError) as error:
+        raise file.error(offset, f"the date {date}", "year, month, day, time") from error
 
 
 def _installation(header: Any, recording: Recording) -> Installation:
