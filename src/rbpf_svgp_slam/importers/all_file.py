@@ -16,11 +16,11 @@ from rbpf_svgp_slam.importers.sonar_file import SonarFile
 from rbpf_svgp_slam.importers.sonar_recording import (
     Attitudes,
     Depths,
-    Installation,
     Positions,
     Recording,
     SoundSpeedProfile,
     Swath,
+    nothing_yet,
 )
 
 #: Length of what follows it, 2, type, model, date, milliseconds of the day, counter, serial number.
@@ -55,16 +55,7 @@ def is_all(file: SonarFile) -> bool:
 
 def read_all(file: SonarFile) -> Recording:
     """Pings (N), the maker's solution (X), positions (P), attitudes (A), profile, mounts."""
-    none = np.zeros(0)
-    recording = Recording(
-        file.path,
-        "Kongsberg",
-        Positions(none, none, none),
-        Attitudes(none, none, none, none, none),
-        [],
-        Installation(),
-        speed_of_profile=True,
-    )
+    recording = nothing_yet(file.path, "Kongsberg", speed_of_profile=True)
     depths: list[tuple[float, float]] = []  # of the transmitter
     solutions: dict[int, np.ndarray] = {}
     pings: list[tuple[int, Swath]] = []

@@ -22,6 +22,7 @@ from rbpf_svgp_slam.importers.sonar_recording import (
     Recording,
     SoundSpeedProfile,
     Swath,
+    nothing_yet,
 )
 
 #: Length, '#' and three letters, version, system, echo sounder, seconds, nanoseconds.
@@ -59,16 +60,7 @@ def is_kmall(file: SonarFile) -> bool:
 
 def read_kmall(file: SonarFile) -> Recording:
     """Pings with positions (#MRZ), attitudes (#SKM), sound speed, installation, depths if any."""
-    none = np.zeros(0)
-    recording = Recording(
-        file.path,
-        "Kongsberg",
-        Positions(none, none, none),
-        Attitudes(none, none, none, none, none),
-        [],
-        Installation(),
-        speed_of_profile=True,
-    )
+    recording = nothing_yet(file.path, "Kongsberg", speed_of_profile=True)
     positions, attitudes, depths = [], [], []
     counts: Counter[bytes] = Counter()
     for offset, kind, time_s in _datagrams(file, recording):

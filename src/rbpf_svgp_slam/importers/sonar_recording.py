@@ -117,3 +117,17 @@ class Recording:
     def start_s(self) -> float:
         """The first ping's time, or the first position's."""
         return self.swaths[0].time_s if self.swaths else float(self.positions.time_s[0])
+
+
+def nothing_yet(path: Path, sonar: str, speed_of_profile: bool = False) -> Recording:
+    """Of a file that is about to be read."""
+    none = np.zeros(0)
+    return Recording(
+        path,
+        sonar,
+        Positions(none, none, none),
+        Attitudes(none, none, none, none, none),
+        [],
+        Installation(),
+        speed_of_profile=speed_of_profile,
+    )

@@ -21,6 +21,7 @@ from rbpf_svgp_slam.importers.sonar_recording import (
     Placed,
     Positions,
     Recording,
+    nothing_yet,
 )
 from rbpf_svgp_slam.importers.sonar_file import ImportProblem, SonarFile
 
@@ -48,16 +49,16 @@ def read_xtf(file: SonarFile) -> Recording:
     if header.NavUnits != DEGREES_OF_LATITUDE:
         found = f"NavUnits {header.NavUnits}"
         raise file.error(164, found, f"{DEGREES_OF_LATITUDE}, latitude and longitude")
-    positions, attitudes, swaths = [], [], []
+    positions, attitudes = [], []
     counts: Counter[int] = Counter()
-    recording = Recording(file.path, "", *_empty(), swaths, Installation())
+    recording = nothing_yet(file.path, "R2Sonic")
     for offset, kind, size in _packets(file, recording):
         counts[kind] += 1
         if kind in R2SONIC:
             recording.sonar, swath = read_bathymetry(
                 file, offset + PING_HEADER_BYTES, offset + size
             )
-            swaths.append(swath)
+            recording.swaths.append(swath)
         elif kind == ATTITUDE:
             file.need(offset, 64, "an attitude packet")
             attitudes.append(_attitude(pyxtf, file, offset))
@@ -81,11 +82,6 @@ def _pyxtf() -> Any:
             "installs it"
         ) from error
     return pyxtf
-
-
-def _empty() -> tuple[Positions, Attitudes]:
-    none = np.zeros(0)
-    return Positions(none, none, none), Attitudes(none, none, none, none, none)
 
 
 def _packets(file: SonarFile, recording: Recording) -> Iterator[tuple[int, int, int]]:
