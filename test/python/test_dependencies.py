@@ -25,7 +25,7 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }
 #: Tried, and done without: tools/requirements.sh installs them.
-OPTIONAL = {"cmocean", "evo"}
+OPTIONAL = {"cmocean", "evo", "pyxtf"}
 
 
 @pytest.fixture(scope="module")
