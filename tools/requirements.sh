@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs tools/requirements.txt (evo, for the second opinion of evaluate_run.py, and cmocean, for
-# the reports' colours) from PyPI, beside the package's own Python modules, where setup.bash lets
+# Installs tools/requirements.txt (evo, for the second opinion of evaluate_run.py, cmocean, for the
+# reports' colours, and pyxtf, for XTF files in import_survey.py) from PyPI, beside the package's own Python modules, where setup.bash lets
 # python find them. Idempotent.
 #   tools/requirements.sh [FOLDER]    FOLDER: by default of the package in the workspace, devel or
 #                                     install, that has been sourced
@@ -18,7 +18,7 @@ if [ -z "$folder" ]; then
 fi
 installed=$folder/rbpf_svgp_slam_requirements.txt
 cmp -s "$requirements" "$installed" && exit
-echo "Installing evo and cmocean into $folder ..."
+echo "Installing evo, cmocean and pyxtf into $folder ..."
 python3 -m pip install --quiet --disable-pip-version-check --root-user-action ignore \
   --no-deps --upgrade --target "$folder" -r "$requirements"
 cp "$requirements" "$installed"

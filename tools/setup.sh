@@ -56,7 +56,7 @@ environment() {
 }
 if $test; then
   environment build/venv tools/requirements-test.txt
-  wheels=build/wheels  # of evo and cmocean, for other workspaces
+  wheels=build/wheels  # of those, for other workspaces
   if ! cmp -s tools/requirements.txt "$wheels/requirements.txt"; then
     python3 -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$wheels" \
       -r tools/requirements.txt

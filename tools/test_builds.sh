@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the committed tree in a catkin workspace and with colcon, and starts what was installed;
-# evo and cmocean are installed there from what tools/setup.sh --test has fetched.
+# evo, cmocean and pyxtf are installed there from what tools/setup.sh --test has fetched.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH=/usr/bin:/bin:$PATH

@@ -207,7 +207,9 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
   params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
-  reader.number("output/time_lapse_period_s", 0.0, kUnlimited);  // for the recorder alone
+  // for the recorder alone
+  reader.number("output/time_lapse_period_s", 0.0, kUnlimited);
+  reader.integer("survey_epsg", 0, 999999);
   expectAgreement(params);
   // config/default.yaml has the groups of all engines, whichever is chosen
   reader.refuseUnknown({"map", "svgp", "gmrf", reader.text("map/engine")});

@@ -220,6 +220,14 @@ TEST(ValidParameters, TakeTheSurveysOriginAsLatitudeAndLongitude) {
   }
 }
 
+TEST(ValidParameters, TakeAnEpsgCodeForTheProductsOfTheSurvey) {
+  XmlRpcValue tree = defaultTree();
+  tree["survey_epsg"] = 32632;
+  EXPECT_EQ(refusalOf(tree), "");
+  tree["survey_epsg"] = -1;
+  EXPECT_TRUE(contains(refusalOf(tree), "survey_epsg is -1, expected an integer"));
+}
+
 TEST(ValidParameters, CountCoordinatesFromTheMiddleOfTheSurveyArea) {
   XmlRpcValue tree = defaultTree();
   tree["survey_area"] = treeOf(YAML::Load("[[100, 0], [140, 0.0], [120, 30]]"));

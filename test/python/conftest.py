@@ -27,3 +27,18 @@ def demo_truth():
     from small_survey import quarter_of_the_demo
 
     return quarter_of_the_demo()
+
+
+@pytest.fixture(scope="session")
+def placed_folder(tmp_path_factory):
+    """The made-up survey's run folder, with a place on the earth; not to be written into."""
+    from made_up_survey import ORIGIN_DEG, make_run, without
+
+    from rbpf_svgp_slam.run.run_files import save_run, save_seabed
+
+    run = make_run()
+    folder = tmp_path_factory.mktemp("placed") / "run"
+    run = without(run, config={**run.config, "survey_origin": ORIGIN_DEG})
+    save_run(run, folder)
+    save_seabed(run, folder)
+    return folder

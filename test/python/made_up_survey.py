@@ -10,6 +10,8 @@ from rbpf_svgp_slam.run.run_files import save_run
 from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
 
 NOISE_M = 0.1
+#: Latitude and longitude of map's origin, where it is given one.
+ORIGIN_DEG = [57.5, 11.2]
 # Sums of doubles of order 100 m: a few thousand roundings of 1e-14 m.
 ROUNDING_M = 1e-9
 

@@ -16,14 +16,16 @@ ROSDEP_KEYS = {
     "matplotlib": "python3-matplotlib",
     "mpl_toolkits": "python3-matplotlib",
     "numpy": "python3-numpy",
+    "osgeo": "python3-gdal",
     "psutil": "python3-psutil",
+    "pyproj": "python3-pyproj",
     "rospkg": "python3-rospkg",
     "scipy": "python3-scipy",
     "torch": "python3-pytorch-pip",
     "yaml": "python3-yaml",
 }
 #: Tried, and done without: tools/requirements.sh installs them.
-OPTIONAL = {"cmocean", "evo"}
+OPTIONAL = {"cmocean", "evo", "pyxtf"}
 
 
 @pytest.fixture(scope="module")

@@ -33,6 +33,8 @@ def test_the_shipped_parameters_are_accepted(tree):
     maps = make_group(parameters)
     assert maps.minibatch_size == tree["svgp"]["minibatch_size"]
     assert parameters.survey_area == ((0, 0), (40, 0), (0, 20))
+    assert parameters.survey_origin == () and parameters.survey_epsg == 0
+    assert validate({**tree, "survey_origin": [57.5, 11]}).survey_origin == (57.5, 11.0)
 
 
 @pytest.mark.parametrize(
@@ -46,6 +48,9 @@ def test_the_shipped_parameters_are_accepted(tree):
         ("survey_area", [], r"survey_area is \[\]; expected a polygon"),
         ("survey_area", [[0, 0], [1, 1], [2, 2]], "survey_area .* encloses an area"),
         ("survey_area", [[0, 0], [1, 1], [2, float("nan")]], "survey_area .* finite"),
+        ("survey_origin", [57.5], r"survey_origin is \[57.5\]; expected \[latitude, longitude\]"),
+        ("survey_origin", [97.5, 11], r"survey_origin .* within \+-90 and \+-360, or \[\]"),
+        ("survey_epsg", "32632", "survey_epsg is '32632'; expected an integer in 0 .. 999999"),
         ("frames/map", "", "frames/map is ''; expected a name"),
         ("resampling/timeout_s", 0.0, "timeout_s is 0.0; expected a number above 0"),
         ("map/engine", "kriging", "map/engine is 'kriging'; expected one of svgp"),

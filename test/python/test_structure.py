@@ -27,16 +27,19 @@ ROOMS = [
     "smoothing",
     "metrics",
     "figures",
+    "exports",
     "evaluation",
     "bags",
     "checking",
     "simulation",
+    "importers",
     "experiments",
     "recorder",
     "map_node",
 ]
 #: All other rooms can be used, and tested, where there is no ROS.
-ROOMS_WITH_ROS = set("bags checking experiments map_node parameters protocol recorder".split())
+ROOMS_WITH_ROS = {"bags", "checking", "experiments", "importers", "map_node", "parameters"}
+ROOMS_WITH_ROS |= {"protocol", "recorder"}
 ROS = "genpy rosbag rosgraph roslaunch roslib rosnode rospkg rospy std_srvs tf2_ros".split()
 #: A room has one of each; python gives them their names.
 EVERY_ROOM_S = {"__init__.py", "__main__.py"}

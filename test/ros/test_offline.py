@@ -27,10 +27,11 @@ MASTER = rosgraph.Master("/test_offline")
 PATIENCE_S = 120.0  # with a replay of seconds; reached only by a bug
 RECEIVED_LATE_S = 5.0  # at most, in the bag whose messages were received in another order
 # Of the run folder, that must be the same to the byte.
-FILES = ("trajectory.tum", "online.tum", "map.npz")
+FILES = ("trajectory.tum", "online.tum", "map.npz", "export/seabed.xyz", "export/trajectory.sbet")
 # J is not divisible by B. Tiny maps; nearly every prompt resamples.
 SMALL = {
     "particles": 5,
+    "survey_origin": [57.5, 11.2],
     "motion": {"surge_std_m": 0.2, "sway_std_m": 0.2, "yaw_std_rad": 0.0005},
     "mapping": {"hold_back_s": 10.0},
     "map": {"publish_period_s": 0.1},

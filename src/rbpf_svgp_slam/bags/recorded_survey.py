@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 @dataclasses.dataclass(frozen=True)
 class Trajectory:
-    """Poses of base_link in the map frame and body twists at evenly spaced times.
+    """Poses of base_link in the map frame and body twists at times that are evenly spaced.
 
-    time_s [T] from the start; position_m [T, 3]; rpy_rad [T, 3] roll, pitch, yaw (ZYX, yaw not
-    wrapped); linear_mps [T, 3] u, v, w and angular_radps [T, 3] p, q, r in the body frame.
+    A recorded one may have gaps. time_s [T] from the start; position_m [T, 3]; rpy_rad [T, 3] roll,
+    pitch, yaw (ZYX, yaw not wrapped); linear_mps [T, 3] u, v, w and angular_radps [T, 3] p, q, r in
+    the body frame.
     """
 
     time_s: np.ndarray
@@ -60,8 +61,9 @@ class Mount:
 class RecordedSurvey:
     """All that goes into a bag. Times count from `start_s`, seconds since the epoch.
 
-    odometry: in the odom frame, evenly spaced; ground_truth: in the map frame, if it is known;
-    ping_time_s [P] and P arrays [beams, 3] float32 of points in the sonar's frame, m.
+    odometry: in the odom frame; ground_truth: in the map frame, if it is known;
+    ping_time_s [P] and P arrays [beams, 3] float32 of points in the sonar's frame, m;
+    origin_deg: latitude and longitude (WGS84) of the map frame's origin, if it lies on the earth.
     """
 
     start_s: int
@@ -72,3 +74,4 @@ class RecordedSurvey:
     ping_points_m: list
     ground_truth: Trajectory | None = None
     recorded_by: str = "/simulate_survey"  # name of the node that has published the mount
+    origin_deg: tuple[float, float] | None = None

@@ -6,7 +6,7 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import NavSatFix, NavSatStatus, PointCloud2, PointField
 from tf2_msgs.msg import TFMessage
 
 from rbpf_svgp_slam.bags.recorded_survey import rotation_from_rpy
@@ -30,6 +30,8 @@ def write_bag(path, survey, progress=lambda share: None):
     order = np.argsort(times_s, kind="stable")
     with rosbag.Bag(path, "w", compression=rosbag.Compression.LZ4) as bag:
         _write_mount(bag, survey)
+        if survey.origin_deg is not None:
+            _write_origin(bag, survey)
         makers = [(topic, iter(messages)) for topic, _, messages in sources]
         for count, index in enumerate(order):
             topic, messages = makers[owner[index]]
@@ -46,22 +48,35 @@ def _stamp(survey, time_s):
 
 
 def _write_mount(bag, survey):
-    """/tf_static, marked as latched so that `rosbag play` offers it to late subscribers too."""
     transform = _transform("base_link", "mbes")
-    transform.header.stamp = _stamp(survey, 0.0)
+    transform.header.stamp = _stamp(survey, survey.odometry.time_s[0])
     quaternion = Rotation.from_euler("xyz", survey.mount.rpy_rad).as_quat()
     _set_vector(transform.transform.translation, survey.mount.translation_m)
     _set_quaternion(transform.transform.rotation, quaternion)
+    _write_latched(bag, survey, "/tf_static", TFMessage([transform]), transform.header.stamp)
+
+
+def _write_origin(bag, survey):
+    """Where the map frame's origin lies on the earth; its z = 0 is the sea's surface."""
+    message = NavSatFix()
+    message.header.frame_id = "map"
+    message.header.stamp = _stamp(survey, survey.odometry.time_s[0])
+    message.status.status = NavSatStatus.STATUS_FIX
+    message.latitude, message.longitude = survey.origin_deg
+    _write_latched(bag, survey, "/survey_origin", message, message.header.stamp)
+
+
+def _write_latched(bag, survey, topic, message, stamp):
+    """Marked as latched, so that `rosbag play` offers it to late subscribers too."""
     connection = {
-        "topic": "/tf_static",
-        "type": TFMessage._type,
-        "md5sum": TFMessage._md5sum,
-        "message_definition": TFMessage._full_text,
+        "topic": topic,
+        "type": message._type,
+        "md5sum": message._md5sum,
+        "message_definition": message._full_text,
         "callerid": survey.recorded_by,
         "latching": "1",
     }
-    message = TFMessage([transform])
-    bag.write("/tf_static", message, transform.header.stamp, connection_header=connection)
+    bag.write(topic, message, stamp, connection_header=connection)
 
 
 # Each source is (topic, stamps [N], N messages in that order). The messages of a source are one

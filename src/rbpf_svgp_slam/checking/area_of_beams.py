@@ -19,10 +19,15 @@ ROUNDING_M = 1.0
 def area_of_beams(facts: Facts) -> list[list[float]] | None:
     """Corners [[x, y], ...] of a rectangle in map, whole metres; None without beams."""
     reach_m = np.hypot(facts.beams["forward_m"], facts.beams["left_m"])
+    return area_around(np.column_stack([facts.beams["x_m"], facts.beams["y_m"]]), reach_m)
+
+
+def area_around(points_m: np.ndarray, reach_m: np.ndarray) -> list[list[float]] | None:
+    """The same of points [N, 2] in map that lie so far from the vehicle, horizontally, [N], m."""
     if not len(reach_m):
         return None
     near = reach_m <= FAR_TIMES * max(np.percentile(reach_m, NEARLY_ALL), 0.1)
-    points = np.column_stack([facts.beams["x_m"], facts.beams["y_m"]])[near]
+    points = points_m[near]
     straight = _box(points, 0.0)
     try:
         hull = points[ConvexHull(points).vertices]

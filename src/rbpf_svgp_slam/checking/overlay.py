@@ -27,10 +27,12 @@ class Overlay:
     groups: dict[str, Any]
     comments: dict[str, str]
 
-    def text(self, bag: Path, chosen: ChosenTopics, path: Path) -> str:
+    def text(
+        self, bag: Path, chosen: ChosenTopics, path: Path, written_by: str = "check_bag.py"
+    ) -> str:
         """The file, with the command that takes it."""
         lines = [
-            f"# Overlay on config/default.yaml for {bag.name}, by check_bag.py. Then:",
+            f"# Overlay on config/default.yaml for {bag.name}, by {written_by}. Then:",
             "#",
             f"# {command(bag, chosen, path)}",
             "",

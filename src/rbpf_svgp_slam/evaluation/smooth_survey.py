@@ -12,6 +12,7 @@ import yaml
 
 from rbpf_svgp_slam.evaluation.evaluate_run import load_folder
 from rbpf_svgp_slam.evaluation.report import write_report
+from rbpf_svgp_slam.exports.after_run import export_after_run
 from rbpf_svgp_slam.metrics.trajectory_errors import ate_rmse
 from rbpf_svgp_slam.nested import merged
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
@@ -26,8 +27,8 @@ Windows of pings are laid on small maps of older passes, and a pose graph brings
 what they tell together: docs/closures.md. Nothing but dead reckoning and beams of the run folder is
 used, not its trajectory nor its ground truth. DIR may be another program's: evaluate_run.py --help
 tells what it holds. The folder OUT is a run folder, too: trajectory.tum with covariances,
-closures.npz, map.npz and seabed.npz of the adjusted track, report.json and report.html. In DIR
-nothing is changed."""
+closures.npz, map.npz and seabed.npz of the adjusted track, report.json and report.html; with a
+survey_origin, export/ too, as export_map.py writes it. In DIR nothing is changed."""
 
 #: What report.json says of the survey; the rest of it was about the run that is adjusted.
 _OF_SURVEY = (
@@ -44,10 +45,13 @@ def main(argv: list[str] | None = None) -> int:
     try:
         _run(arguments)
     except (ValueError, OSError) as error:
-        text = " ".join(str(error).split())
-        print(f"smooth_survey.py: error: {text}", file=sys.stderr)
+        _complain(" ".join(str(error).split()))
         return 2
     return 0
+
+
+def _complain(text: str) -> None:
+    print(f"smooth_survey.py: error: {text}", file=sys.stderr)
 
 
 def _parse(argv: list[str] | None) -> argparse.Namespace:
@@ -82,6 +86,7 @@ def _run(arguments: argparse.Namespace) -> None:
     statistics = {name: run.statistics[name] for name in _OF_SURVEY if name in run.statistics}
     statistics.update({_MARK: str(folder.resolve()), "smoothing_cpu_s": cpu_s})
     report = _write(dataclasses.replace(smoothed, statistics=statistics), out_dir)
+    export_after_run(out_dir, config, _complain)
     print(_summary(run, report, cpu_s))
     print(f"Report: {(out_dir / 'report.html').resolve()}")
 

@@ -61,6 +61,7 @@ def evaluate(run: SurveyRun, settings: ConsistencySettings = ConsistencySettings
     consistencies = _consistencies(run, settings, notes)
     report = {
         **run.statistics,
+        **_place_on_earth(run),
         **_counters(run, notes),
         **_trajectory_metrics(run, notes),
         **ideal_metrics(run, notes),
@@ -85,6 +86,12 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _place_on_earth(run: SurveyRun) -> dict[str, Any]:
+    """The parameters that tell it, if they are set."""
+    names = ("survey_origin", "survey_epsg")
+    return {name: run.config[name] for name in names if run.config.get(name)}
 
 
 def _counters(run: SurveyRun, notes: list[str]) -> dict[str, Any]:

@@ -22,10 +22,12 @@ from rbpf_svgp_slam.parameters.rules import (
     between,
     checked,
     choice,
+    epsg_code,
     group,
     integer,
     name,
     of_type,
+    place,
     polygon,
     positive,
 )
@@ -68,6 +70,8 @@ class NodeParameters:
     nodes: int
     seed: int
     survey_area: Polygon  # vertices (x, y), frame map, m
+    survey_origin: tuple[float, ...]  # latitude, longitude of map's origin, degrees; empty: none
+    survey_epsg: int  # of the products' CRS; 0: the UTM zone of the origin
     resampling_timeout_s: float
     frames: FrameParameters
     map: MapParameters
@@ -90,6 +94,8 @@ RULES = {
     "nodes": integer(1),
     "seed": integer(0, 2**31 - 1),
     "survey_area": polygon(),
+    "survey_origin": place(),
+    "survey_epsg": epsg_code(),
     "frames/map": name(),
     "resampling/timeout_s": positive(),
     "map/threads": integer(1),
@@ -125,6 +131,8 @@ def validate(tree: dict[str, Any]) -> NodeParameters:
         nodes=nodes,
         seed=_value(tree, "seed"),
         survey_area=_value(tree, "survey_area"),
+        survey_origin=_value(tree, "survey_origin"),
+        survey_epsg=_value(tree, "survey_epsg"),
         resampling_timeout_s=_value(tree, "resampling/timeout_s"),
         frames=_group(tree, "frames", FrameParameters),
         map=map_parameters,

@@ -103,6 +103,20 @@ def polygon() -> Rule:
     )
 
 
+def place() -> Rule:
+    """[latitude, longitude] or []; becomes a tuple."""
+    return Rule(
+        "[latitude, longitude] in degrees within +-90 and +-360, or []",
+        _is_place,
+        lambda value: tuple(map(float, value)),
+    )
+
+
+def epsg_code() -> Rule:
+    """An EPSG code as far as its number tells, or 0."""
+    return integer(0, 999_999)
+
+
 def _is_integer(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
@@ -120,6 +134,12 @@ def _is_polygon(value: Any) -> bool:
     following = value[1:] + value[:1]
     # Shoelace formula.
     return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(value, following)) != 0
+
+
+def _is_place(value: Any) -> bool:
+    if not isinstance(value, list) or not all(map(_is_number, value)):
+        return False
+    return not value or (len(value) == 2 and abs(value[0]) <= 90 and abs(value[1]) <= 360)
 
 
 def _hint(value: Any) -> str:

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from rbpf_svgp_slam.evaluation.report import write_report
 from rbpf_svgp_slam.evaluation.result_lines import summarise
+from rbpf_svgp_slam.exports.after_run import export_after_run
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 from rbpf_svgp_slam.parameters.loading import RecorderParameters, validate, validate_recorder
 from rbpf_svgp_slam.parameters.rules import ParameterError
@@ -121,6 +122,7 @@ class Recorder:
         # Before the report, which takes its time: RViz ends with the launch.
         self._seabed.publish(run)
         report = write_report(run, self._recording.out_dir)
+        export_after_run(self._recording.out_dir, run.config, rospy.logerr)
         self.farewell = summarise(report, self._recording.out_dir)
 
     def _source(self) -> PlayedBag | OfflineReplay | None:

@@ -92,9 +92,7 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
     another program can be scored too. terrain: the true seabed; by default report.json says where.
     """
     out_dir = Path(out_dir)
-    survey = _load_npz(
-        out_dir / "survey.npz", ("stamp_s", "held_out", "beams_per_ping", "levelled")
-    )
+    survey = load_npz(out_dir / "survey.npz", ("stamp_s", "held_out", "beams_per_ping", "levelled"))
     stamp_s = survey["stamp_s"]
     grid, predict, extras = _load_map(out_dir / "map.npz")
     statistics = _statistics(out_dir)
@@ -102,11 +100,11 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
     optional = {}
     for name in ("online", "ground_truth"):
         path_of = out_dir / f"{name}.tum"
-        optional[name] = _poses(path_of, stamp_s) if path_of.is_file() else None
+        optional[name] = poses_at(path_of, stamp_s) if path_of.is_file() else None
     return SurveyRun(
         stamp_s=stamp_s,
-        estimate=_poses(out_dir / "trajectory.tum", stamp_s),
-        dead_reckoning=_poses(out_dir / "dead_reckoning.tum", stamp_s),
+        estimate=poses_at(out_dir / "trajectory.tum", stamp_s),
+        dead_reckoning=poses_at(out_dir / "dead_reckoning.tum", stamp_s),
         closures=_load_closures(out_dir / "closures.npz"),
         levelled=survey["levelled"].astype(float),
         ping_of_beam=np.repeat(np.arange(len(stamp_s)), survey["beams_per_ping"]),
@@ -115,9 +113,9 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
         predict=predict,
         terrain=load_terrain(path) if path else None,
         statistics=statistics,
-        status_history=_load_npz(out_dir / "history.npz", optional=True),
+        status_history=load_npz(out_dir / "history.npz", optional=True),
         time_lapse=_load_time_lapse(out_dir / "time_lapse.npz"),
-        config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
+        config=load_text(out_dir / "parameters.yaml", yaml.safe_load),
         **{name: survey.get(name) for name in _COVARIANCES},
         **optional,
         **extras,
@@ -128,7 +126,7 @@ def _load_time_lapse(path: Path) -> TimeLapse | None:
     """None if there is no such file."""
     if not path.is_file():
         return None
-    arrays = _load_npz(path, _TIME_LAPSE)
+    arrays = load_npz(path, _TIME_LAPSE)
     return TimeLapse(**{name: arrays[name] for name in _TIME_LAPSE})
 
 
@@ -137,7 +135,7 @@ def _load_closures(path: Path) -> Closures | None:
     if not path.is_file():
         return None
     names = [field.name for field in fields(Closures)]
-    arrays = _load_npz(path, tuple(names))
+    arrays = load_npz(path, tuple(names))
     return Closures(**{name: arrays[name] for name in names})
 
 
@@ -169,7 +167,7 @@ def load_tracks(out_dir: str | Path) -> SurveyRun:
         noise_variance_m2=np.nan,
         support_points=np.empty((0, 3)),
         statistics=statistics,
-        config=_load_text(out_dir / "parameters.yaml", yaml.safe_load),
+        config=load_text(out_dir / "parameters.yaml", yaml.safe_load),
         **others,
     )
 
@@ -183,7 +181,7 @@ def load_terrain(path: str | Path) -> GridMap | None:
     """The true seabed beside a simulated bag; none where there is no such file."""
     if not Path(path).is_file():
         return None
-    file = _load_npz(Path(path), ("z", "resolution_m", "origin_m"))
+    file = load_npz(Path(path), ("z", "resolution_m", "origin_m"))
     z, resolution_m, origin_m = file["z"], float(file["resolution_m"]), file["origin_m"]
     x, y = (origin_m[i] + resolution_m * np.arange(z.shape[i]) for i in range(2))
     return GridMap(x, y, z.astype(float))
@@ -212,7 +210,7 @@ def _save_map(run: SurveyRun, path: Path) -> None:
 
 def _load_map(path: Path) -> tuple[GridMap, Predict, dict[str, Any]]:
     """The grid; what predicts, the engine where its state is there, else the grid; the rest."""
-    file = _load_npz(path, ("x", "y", "mean", "variance"))
+    file = load_npz(path, ("x", "y", "mean", "variance"))
     grid = GridMap(file["x"], file["y"], file["mean"], file["variance"])
     extras = {
         "noise_variance_m2": float(file.get("noise_variance_m2", 0.0)),
@@ -239,7 +237,7 @@ def _grid_predictor(grid: GridMap) -> Predict:
     return lambda xy: (mean(xy), variance(xy))
 
 
-def _poses(path: Path, stamp_s: np.ndarray) -> np.ndarray:
+def poses_at(path: Path, stamp_s: np.ndarray) -> np.ndarray:
     """Poses [P, 6] of the pings, NaN where the file has none."""
     written_s, poses = _track(path)
     result = np.full((len(stamp_s), 6), np.nan)
@@ -258,7 +256,8 @@ def _track(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return read_tum(path)
 
 
-def _load_npz(path: Path, names: tuple[str, ...] = (), optional=False) -> dict[str, np.ndarray]:
+def load_npz(path: Path, names: tuple[str, ...] = (), optional=False) -> dict[str, np.ndarray]:
+    """The arrays of a file, which must have those named; raises RunFolderError if it has not."""
     if not path.is_file():
         if optional:
             return {}
@@ -276,11 +275,11 @@ def _load_npz(path: Path, names: tuple[str, ...] = (), optional=False) -> dict[s
 
 def _statistics(out_dir: Path) -> dict[str, Any]:
     """What report.json says; of this what the data tell, too, is computed again."""
-    report = _load_text(out_dir / "report.json", json.loads)
+    report = load_text(out_dir / "report.json", json.loads)
     return {name: value for name, value in report.items() if name != "notes"}
 
 
-def _load_text(path: Path, parse: Any) -> dict[str, Any]:
+def load_text(path: Path, parse: Any) -> dict[str, Any]:
     """A file of names and values; empty if there is none."""
     if not path.is_file():
         return {}

@@ -25,17 +25,22 @@ class DeadReckoningNoise:
     attitude_rad: float = math.radians(0.05)  # white, each sample, roll and pitch
 
 
-def simulate_dead_reckoning(truth, noise, rng):
+def draw_biases(noise, rng):
+    """The surge's scale and the gyro's bias, rad/s, of one survey."""
+    scale = 1 + noise.surge_scale * rng.standard_normal()
+    return scale, noise.gyro_bias_radps * rng.standard_normal()
+
+
+def simulate_dead_reckoning(truth, noise, rng, biases=None):
     """The odometry [T] of a vehicle moving along `truth`: a Trajectory in the odom frame.
 
     Its pose starts at the true one, so odom equals map there; x, y and yaw are the integral of the
     very twists it carries, levelled with the roll and pitch it carries; z, roll and pitch are
-    measured.
+    measured. biases: as of draw_biases, which draws them if there are none yet.
     """
     samples = len(truth.time_s)
     period_s = truth.time_s[1] - truth.time_s[0]
-    scale = 1 + noise.surge_scale * rng.standard_normal()
-    gyro_bias_radps = noise.gyro_bias_radps * rng.standard_normal()
+    scale, gyro_bias_radps = biases or draw_biases(noise, rng)
 
     per_sqrt_s = (noise.surge_m_per_sqrt_s, noise.sway_m_per_sqrt_s, noise.yaw_rad_per_sqrt_s)
     white = rng.standard_normal((samples, 3)) * per_sqrt_s / math.sqrt(period_s)

@@ -1,0 +1,1 @@
+"""A run folder as files for charts, GIS and navigation processing. Needs no ROS."""

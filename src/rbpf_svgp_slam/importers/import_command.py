@@ -1,0 +1,166 @@
+"""The command line of import_survey.py."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Sequence
+
+import numpy as np
+
+from rbpf_svgp_slam.bags.survey_bag import write_bag
+from rbpf_svgp_slam.importers.formats import read_sonar_file
+from rbpf_svgp_slam.importers.degrade import scaled
+from rbpf_svgp_slam.importers.import_summary import overlay_text, summary
+from rbpf_svgp_slam.importers.sonar_recording import Installation, Recording, SoundSpeedProfile
+from rbpf_svgp_slam.importers.sonar_file import ImportProblem
+from rbpf_svgp_slam.importers.sonar_survey import Degradation, make_survey
+from rbpf_svgp_slam.simulation.dead_reckoning import DeadReckoningNoise
+
+_DESCRIPTION = """Make a survey's bag of the files of a multibeam echosounder: XTF with R2Sonic's
+pings, Kongsberg .all and .kmall.
+
+Several files make one survey, in the order of their times, gaps kept. Beside F.bag comes
+F.survey.yaml, an overlay for the filter with the survey area and the map frame's origin. The
+summary says what was found in the files, and what was assumed."""
+
+_ARM = ("FORWARD", "STARBOARD", "DOWN")
+_NOT_FINER_THAN = 1e-4  # degrees; some 10 m: of a default origin
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the import; returns the exit status: 2 for a mistake in the arguments or files."""
+    options = _parse(argv)
+    try:
+        _run(options)
+    except (ImportProblem, OSError) as error:
+        print(f"import_survey.py: error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="import_survey.py",
+        description=_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("files", metavar="FILE", type=Path, nargs="+")
+    add("--out", required=True, metavar="F.bag", type=Path, help="the bag to write")
+    origin = "of the map frame, degrees of WGS84 (default: the first position, rounded)"
+    add("--origin", type=float, nargs=2, metavar=("LATITUDE", "LONGITUDE"), help=origin)
+    add("--rate", type=float, default=50.0, metavar="HZ", help="of the odometry (default 50)")
+    arm = "the sonar, from the reference point, m (default: the file's)"
+    add("--sonar", type=float, nargs=3, metavar=_ARM, help=arm)
+    angles = "how the sonar is mounted, degrees: starboard down, bow up, clockwise from above"
+    add("--mount-angles", type=float, nargs=3, metavar=("ROLL", "PITCH", "HEADING"), help=angles)
+    antenna = "what the positions are of, from the reference point, m"
+    add("--antenna", type=float, nargs=3, metavar=_ARM, help=antenna)
+    waterline = "below the reference point, m; negative if above it"
+    add("--waterline", type=float, metavar="DOWN", help=waterline)
+    profile = "sound speed: a text file, a line for each depth (m) and speed (m/s)"
+    add("--profile", type=Path, metavar="F.txt", help=profile)
+    degrade = "make drifting dead reckoning of the navigation, which becomes ground_truth"
+    add("--degrade-odometry", type=int, metavar="SEED", help=degrade)
+    drift = "its drift, as many times that of simulate_survey.py (default 1)"
+    add("--drift", type=float, default=1.0, metavar="TIMES", help=drift)
+    return parser.parse_args(argv)
+
+
+def _run(options: argparse.Namespace) -> None:
+    _check(options)
+    started_s = time.monotonic()
+    recordings = [_with_options(read_sonar_file(path), options) for path in options.files]
+    recordings.sort(key=lambda recording: recording.start_s)
+    origin_deg = tuple(options.origin) if options.origin else _default_origin(recordings[0])
+    degradation = None
+    if options.degrade_odometry is not None:
+        noise = scaled(DeadReckoningNoise(), options.drift)
+        degradation = Degradation(noise, options.degrade_odometry)
+    survey = make_survey(
+        recordings, origin_deg, options.rate, degradation, _progress_line("placing beams")
+    )
+    write_bag(str(options.out), survey.recorded, _progress_line("writing the bag"))
+    overlay = options.out.with_suffix(".survey.yaml")
+    overlay.write_text(overlay_text(options.out, overlay, survey), encoding="utf-8")
+    print(summary(options.out, recordings, survey, time.monotonic() - started_s))
+
+
+def _check(options: argparse.Namespace) -> None:
+    def expect(condition: bool, name: str, expected: str) -> None:
+        if not condition:
+            raise ImportProblem(f"{name} is {getattr(options, name)}, expected {expected}")
+
+    expect(options.out.suffix == ".bag", "out", "a name that ends in .bag")
+    expect(options.out.parent.is_dir(), "out", "a file in an existing folder")
+    expect(1.0 <= options.rate <= 1000.0, "rate", "1 to 1000 Hz")
+    expect(0.0 <= options.drift < math.inf, "drift", "0 or above")
+    expect((options.degrade_odometry or 0) >= 0, "degrade_odometry", "a seed from 0")
+    for name in ("sonar", "mount_angles", "antenna", "waterline"):
+        value = getattr(options, name)
+        expect(value is None or bool(np.isfinite(value).all()), name, "finite numbers")
+
+
+def _with_options(recording: Recording, options: argparse.Namespace) -> Recording:
+    """With what the user knows better than the file."""
+    installation = recording.installation
+    if options.sonar is not None:
+        arm = dict(zip(("forward_m", "starboard_m", "down_m"), options.sonar))
+        installation = _both_arrays(installation, arm)
+    if options.mount_angles is not None:
+        names = ("roll_rad", "pitch_rad", "heading_rad")
+        installation = _both_arrays(
+            installation, dict(zip(names, np.radians(options.mount_angles)))
+        )
+    if options.antenna is not None:
+        arm = dict(zip(("forward_m", "starboard_m", "down_m"), options.antenna))
+        positioning = dataclasses.replace(installation.positioning, **arm)
+        installation = dataclasses.replace(installation, positioning=positioning)
+    if options.waterline is not None:
+        installation = dataclasses.replace(installation, waterline_m=options.waterline)
+    profile = read_profile(options.profile) if options.profile else recording.profile
+    return dataclasses.replace(recording, installation=installation, profile=profile)
+
+
+def _both_arrays(installation: Installation, values: dict[str, float]) -> Installation:
+    return dataclasses.replace(
+        installation,
+        transmitter=dataclasses.replace(installation.transmitter, **values),
+        receiver=dataclasses.replace(installation.receiver, **values),
+    )
+
+
+def read_profile(path: Path) -> SoundSpeedProfile:
+    """Two columns, depth in m and sound speed in m/s. Raises ImportProblem."""
+    expected = "two columns of numbers, increasing depths in m and sound speeds in m/s"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numpy's, of an empty file
+            depth_m, speed_mps = np.loadtxt(path, ndmin=2).T
+    except ValueError as error:
+        raise ImportProblem(f"{path}: {error}, expected {expected}") from error
+    if not (len(depth_m) and (np.diff(depth_m) > 0).all() and (speed_mps > 0).all()):
+        raise ImportProblem(f"{path}: depths {depth_m}, speeds {speed_mps}, expected {expected}")
+    return SoundSpeedProfile(depth_m, speed_mps)
+
+
+def _default_origin(recording: Recording) -> tuple[float, float]:
+    first = (recording.positions.latitude_deg[0], recording.positions.longitude_deg[0])
+    return tuple(round(round(value / _NOT_FINER_THAN) * _NOT_FINER_THAN, 4) for value in first)
+
+
+def _progress_line(label: str):
+    """A function of the share done that keeps one line up to date; silent off a terminal."""
+
+    def show(share: float) -> None:
+        if sys.stderr.isatty():
+            end = "\n" if share >= 1 else ""
+            print(f"\r{label} {100 * share:3.0f} %", end=end, file=sys.stderr, flush=True)
+
+    return show
