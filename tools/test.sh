@@ -34,7 +34,12 @@ for binary in build/devel/lib/rbpf_svgp_slam/test_*; do
   step "gtest $name" "$binary" --gtest_brief=1 --gtest_output="xml:$results/$name.xml"
 done
 step "sanitizers" tools/test_sanitizers.sh "$results"
-step "pytest" python3 -m pytest -q -rs -p no:cacheprovider --junitxml="$results/pytest.xml"
+run_pytest() {
+  python3 -m pytest -q -rs -p no:cacheprovider --junitxml="$results/pytest_$1.xml" "${@:2}"
+}
+# by file: what a module's tests share is made once
+step "pytest" run_pytest together -m "not alone" --numprocesses="$(nproc)" --dist=loadfile
+step "pytest" run_pytest alone -m alone
 for file in test/ros/*.test; do
   name=$(basename "$file" .test)
   step "rostest $name" rostest --results-base-dir="$results" --results-filename="$name.xml" "$file"

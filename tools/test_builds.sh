@@ -7,8 +7,11 @@ export PATH=/usr/bin:/bin:$PATH
 root=$PWD
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-# debug: this is about the build's description, not about its speed
-options=(-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF -DCMAKE_BUILD_TYPE=Debug)
+# None: this is about the build's description, not about the program's speed or its debugging.
+# ccache: what catkin has compiled, colcon need not compile again.
+options=(-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF -DCMAKE_BUILD_TYPE=None
+  -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+export CCACHE_DIR=$root/build/ccache
 
 mkdir -p "$work/catkin/src/rbpf_svgp_slam" "$work/colcon/src/rbpf_svgp_slam"
 for kind in catkin colcon; do
@@ -37,13 +40,14 @@ assert DEPTH_MAP.name == 'deep_r', DEPTH_MAP.name"
   )
 }
 
-(cd "$work/catkin" && catkin_make -j"$(nproc)" "${options[@]}" install >make.log 2>&1) ||
+(cd "$work/catkin" && CCACHE_BASEDIR=$PWD catkin_make -j"$(nproc)" "${options[@]}" install >make.log 2>&1) ||
   { cat "$work/catkin/make.log"; exit 1; }
 check "$work/catkin/devel/setup.bash"
 check "$work/catkin/install/setup.bash"
 echo "catkin workspace: built and installed"
 
-(cd "$work/colcon" && "$root/build/venv/bin/colcon" --log-base log build --cmake-args "${options[@]}" \
-  >build.log 2>&1) || { cat "$work/colcon/build.log"; exit 1; }
+# where catkin_make has its generated headers: another path to them would not be found in the cache
+(cd "$work/colcon" && CCACHE_BASEDIR=$PWD "$root/build/venv/bin/colcon" --log-base log build \
+  --cmake-args "${options[@]}" -DCATKIN_DEVEL_PREFIX="$work/colcon/devel" >build.log 2>&1) || { cat "$work/colcon/build.log"; exit 1; }
 check "$work/colcon/install/setup.bash"
 echo "colcon build: built"

@@ -9,6 +9,8 @@ import pytest
 from bench.core import program, scaling
 from bench.paths import ROOT
 
+pytestmark = pytest.mark.alone
+
 # With the constants of a full run these sections take minutes.
 SMALL_PROMPTS = """
 import json, sys

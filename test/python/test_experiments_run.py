@@ -13,6 +13,8 @@ import yaml
 from rbpf_svgp_slam.experiments import experiment_command, runner
 from rbpf_svgp_slam.experiments.resources import Usage
 
+pytestmark = pytest.mark.alone
+
 # Maps that cost little; all else, J and B above all, is as at full length.
 SMALL = {
     "svgp": {"inducing_points": 64, "minibatch_size": 200},
@@ -93,6 +95,8 @@ def test_the_summary_shows_every_run_and_figure(mapping):
 def test_what_is_there_is_kept(mapping, capsys, monkeypatch):
     out, reports = mapping
     monkeypatch.setattr(runner, "_run", lambda *_: pytest.fail("run again"))
+    # they have been drawn once, for the test of the summary
+    monkeypatch.setattr(experiment_command, "draw_experiment", lambda *_: [])
     config = out.parent / "small.yaml"
     again = ["exp1", "--out", str(out), "--config", str(config), "--scale", "0.01"]
     assert experiment_command.main([*again, "--only", "J1_B1"]) == 0

@@ -12,6 +12,8 @@ from rbpf_svgp_slam.experiments.figures import resource_figure, smoothed
 from rbpf_svgp_slam.experiments.load import busy_core
 from rbpf_svgp_slam.experiments.resources import Monitor, Usage, group_of
 
+pytestmark = pytest.mark.alone
+
 # Prints a line once it has begun, so that a test does not measure python's start.
 BUSY = "print('begun', flush=True)\nwhile True: pass"
 

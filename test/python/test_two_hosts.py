@@ -12,7 +12,10 @@ from bench.network.hosts import impediment, two_hosts
 from bench.ros_session import running, wait_until
 
 IMPEDIMENT = impediment()
-pytestmark = pytest.mark.skipif(IMPEDIMENT != "", reason=f"two hosts: {IMPEDIMENT}")
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(IMPEDIMENT != "", reason=f"two hosts: {IMPEDIMENT}"),
+]
 DELAY_S = 0.02
 # Tiny maps; every prompt that tells particles apart resamples.
 CONFIG = {
