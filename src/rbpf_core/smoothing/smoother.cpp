@@ -208,9 +208,10 @@ void Smoother::registerNode(std::size_t j, const std::vector<Pose2>& poses,
 std::vector<Tie> Smoother::tied(const Closure& closure, const std::vector<Pose2>& poses) {
   const Track::Range around_k = track_.around(closure.k, params_.registration.map_window_s);
   const Track::Range younger{closure.j, std::min(closure.j + kEvery, track_.nodes().size())};
-  std::vector<Tie> ties = tiesOf({track_, poses, closure.k, closure.j, around_k,
-                                  mapOf(closure.k, poses), closure.registration},
-                                 younger);
+  std::vector<Tie> ties =
+      tiesOf({track_, poses, closure.k, closure.j, around_k, mapOf(closure.k, poses),
+              closure.registration, params_.registration.effective_beams},
+             younger);
   if (ties.empty()) return {{closure.k, closure.j, closure.registration.found}};  // few beams
   for (Tie& tie : ties)
     tie.relative.covariance += odometryWithin(params_.registration.node_period_s);

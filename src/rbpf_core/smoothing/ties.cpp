@@ -19,8 +19,8 @@ constexpr std::size_t kLeastBeams = 20;
 // Beams have a Student-t likelihood of nu degrees of freedom about the map.
 constexpr double kDegreesOfFreedom = 4.0;
 // The beams of a cell of the map share its error and the relief below its grid: they count as so
-// many independent ones.
-constexpr double kBeamsOfCell = 2.0;
+// many independent ones, as a share of a window's effective beams.
+constexpr double kShareOfCell = 0.05;
 // Errors that all beams of a pair share: of the map and the depth, m; of either sonar's roll, rad.
 constexpr double kMapError_m = 0.05;
 constexpr double kDepthError_m = 0.06;
@@ -50,10 +50,6 @@ struct NormalEquations {
   double beams_per_weight = 0.0;
 };
 
-// A map of n beams to a cell has the n-th part of a beam's variance, which all beams on the cell
-// share.
-double trustIn(double beams_of_map) { return beams_of_map / (beams_of_map + kBeamsOfCell); }
-
 double aside(const Pose2& pose, const Eigen::Vector2d& place_m) {
   return -std::sin(pose.yaw_rad) * (place_m.x() - pose.x_m) +
          std::cos(pose.yaw_rad) * (place_m.y() - pose.y_m);
@@ -67,7 +63,10 @@ double along(const Pose2& pose, const Eigen::Vector2d& place_m) {
 class Pairs {
  public:
   explicit Pairs(const LaidWindow& laid)
-      : laid_(laid), found_(laid.registration.found.pose), arm2_m2_(armOf(laid)) {
+      : laid_(laid),
+        found_(laid.registration.found.pose),
+        arm2_m2_(armOf(laid)),
+        beams_of_cell_(kShareOfCell * laid.effective_beams) {
     const Track::Range& range = laid.around_k;
     for (std::size_t m = range.first; m < range.last; ++m) {
       older_.push_back(relative(laid.poses[laid.k], laid.poses[m]));
@@ -90,6 +89,12 @@ class Pairs {
   static double armOf(const LaidWindow& laid) {
     const double half_m = laid.track.nodes()[laid.j].half_width_m;
     return std::max(1.0, half_m * half_m / 3.0);
+  }
+
+  // A map of n beams to a cell has the n-th part of a beam's variance, which all beams on the cell
+  // share.
+  double trustIn(double beams_of_map) const {
+    return beams_of_map / (beams_of_map + beams_of_cell_);
   }
 
   std::vector<std::vector<Hit>> byOlderNode(const Beams& beams_m) const {
@@ -156,7 +161,7 @@ class Pairs {
     middle_m /= weight;
     sums.variance_m2 = std_m * std_m + kMapError_m * kMapError_m;
     const double beams =
-        std::min(kBeamsOfCell * static_cast<double>(cells.size()), static_cast<double>(n));
+        std::min(beams_of_cell_ * static_cast<double>(cells.size()), static_cast<double>(n));
     sums.beams_per_weight = beams * trust / static_cast<double>(n) / weight;
     // A depth error common to all: a fourth unknown, with a prior, by the Schur complement.
     const double roll2 =
@@ -199,6 +204,7 @@ class Pairs {
   const LaidWindow& laid_;
   const Pose2 found_;
   const double arm2_m2_;
+  const double beams_of_cell_;
   std::vector<Pose2> older_;  // in node k's frame
 };
 

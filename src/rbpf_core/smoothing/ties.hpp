@@ -28,6 +28,8 @@ struct LaidWindow {
   const LocalMap& map;
   // How j's window lies on it.
   const Registration& registration;
+  // Of a window as a whole, as in RegistrationParams.
+  double effective_beams;
 };
 
 // The beams of each of the younger nodes, by the older node whose swath they lie in: every such
