@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from rbpf_svgp_slam.exports import s44, uncertainty
-from rbpf_svgp_slam.exports.chart import Chart
+from rbpf_svgp_slam.charts import s44, uncertainty
+from rbpf_svgp_slam.charts.chart import Chart
 from rbpf_svgp_slam.exports.exported_run import ExportedRun
-from rbpf_svgp_slam.exports.georeference import Georeference
+from rbpf_svgp_slam.charts.georeference import Georeference
 
 _S44 = (
     "IHO S-44 edition 6.1.0, by total vertical uncertainty (95 %) alone: horizontal uncertainty, "

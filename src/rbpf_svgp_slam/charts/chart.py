@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_erosion, map_coordinates
 
-from rbpf_svgp_slam.exports import s44
-from rbpf_svgp_slam.exports.exported_run import ExportedRun
-from rbpf_svgp_slam.exports.georeference import Georeference
-from rbpf_svgp_slam.exports.uncertainty import position_variance
+from rbpf_svgp_slam.charts import s44
+from rbpf_svgp_slam.charts.charted_seabed import ChartedSeabed
+from rbpf_svgp_slam.charts.georeference import Georeference
+from rbpf_svgp_slam.charts.uncertainty import position_variance
 from rbpf_svgp_slam.run.survey_run import GridMap
 from rbpf_svgp_slam.survey_area.grid import grid_points
 
@@ -51,7 +51,7 @@ class Chart:
         return np.isfinite(self.elevation)
 
 
-def make_chart(run: ExportedRun, georeference: Georeference) -> Chart:
+def make_chart(run: ChartedSeabed, georeference: Georeference) -> Chart:
     """Draw the run's seabed on a grid of the CRS, at the map's resolution.
 
     Bilinear between the map's cells, among those that are known; known where the nearest is.

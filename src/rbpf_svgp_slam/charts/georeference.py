@@ -13,8 +13,8 @@ import numpy as np
 import pyproj
 from pyproj.exceptions import CRSError
 
-from rbpf_svgp_slam.exports.export_settings import MEAN_SEA_LEVEL
-
+#: EPSG of heights above mean sea level.
+MEAN_SEA_LEVEL = 5714
 #: Where UTM has zones, degrees.
 _UTM_SOUTH, _UTM_NORTH = -80.0, 84.0
 # The plane's height below the ellipsoid is found anew with each; the third is below a micrometre
