@@ -44,6 +44,20 @@ def charted_seabed(run: SurveyRun) -> ChartedSeabed | None:
     )
 
 
+def masked_map(run: SurveyRun) -> GridMap | None:
+    """The best particle's map where the seabed is known: elsewhere it guesses. None where nothing
+    is known."""
+    seabed = charted_seabed(run)
+    if seabed is None:
+        return None
+    known = np.isfinite(seabed.seabed.mean)
+    mean, variance = (
+        None if values is None else np.where(known, values, np.nan)
+        for values in (run.map.mean, run.map.variance)
+    )
+    return GridMap(run.map.x, run.map.y, mean, variance) if np.isfinite(mean).any() else None
+
+
 def where_beams_fell(grid: GridMap, beams: np.ndarray) -> GridMap:
     """The grid with NaN where none of beams [N, 3] fell within a cell of a centre: there a map
     guesses, and a seabed is masked."""

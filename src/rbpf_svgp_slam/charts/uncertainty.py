@@ -43,6 +43,13 @@ def position_variance(run: ChartedSeabed) -> np.ndarray:
     return np.maximum(slope_x**2 * xx + 2 * slope_x * slope_y * xy + slope_y**2 * yy, 0.0)
 
 
+def total_variance(run: ChartedSeabed) -> np.ndarray:
+    """Variance [nx, ny], m², of a depth read off at each cell: all shares; NaN where unknown."""
+    if run.seabed.variance is None:
+        return np.full(run.seabed.mean.shape, np.nan)
+    return run.seabed.variance + run.noise_variance_m2 + position_variance(run)
+
+
 def slopes(z: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """∂z/∂x and ∂z/∂y [nx, ny] of z [nx, ny], NaN where unknown: central differences, one-sided at
     the seabed's rim; of a cell without neighbours the nearest cell's."""
