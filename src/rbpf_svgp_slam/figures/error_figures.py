@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from rbpf_svgp_slam.figures import figure_style as style
 from rbpf_svgp_slam.figures.track_figures import Drawn, event_minutes
@@ -42,7 +43,9 @@ def position_errors(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     # The last, the best: its smallest errors of single pings may leave the picture.
     top.set_ylim(0.8 * np.nanpercentile(distance_m, 2) or None, None)
     top.set(ylabel="distance (m)", title="Position error", yscale="log")
+    top.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     top.yaxis.set_major_formatter("{x:g}")
+    top.yaxis.set_minor_locator(NullLocator())
     for panels, name in zip(rest.T, names):
         error = position_error(getattr(run, name), truth)
         for axes, component in zip(panels, error.T):
