@@ -8,9 +8,11 @@ setup(
         packages=[
             "rbpf_svgp_slam",
             "rbpf_svgp_slam.bags",
+            "rbpf_svgp_slam.charts",
             "rbpf_svgp_slam.checking",
             "rbpf_svgp_slam.evaluation",
             "rbpf_svgp_slam.experiments",
+            "rbpf_svgp_slam.exports",
             "rbpf_svgp_slam.figures",
             "rbpf_svgp_slam.gmrf",
             "rbpf_svgp_slam.importers",

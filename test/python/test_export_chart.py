@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from made_up_survey import seabed
 
-from rbpf_svgp_slam.exports import s44
-from rbpf_svgp_slam.exports.chart import make_chart
+from rbpf_svgp_slam.charts import s44
+from rbpf_svgp_slam.charts.chart import make_chart
 from rbpf_svgp_slam.exports.exported_run import ExportedRun, load_exported_run
-from rbpf_svgp_slam.exports.georeference import Georeference
-from rbpf_svgp_slam.exports.uncertainty import position_variance, slopes
-from rbpf_svgp_slam.exports.vector_files import contour_interval_m
+from rbpf_svgp_slam.charts.georeference import Georeference
+from rbpf_svgp_slam.charts.uncertainty import position_variance, slopes
+from rbpf_svgp_slam.charts.contours import contour_interval_m
 from rbpf_svgp_slam.run.survey_run import GridMap
 from rbpf_svgp_slam.survey_area.grid import grid_points
 
@@ -114,7 +114,7 @@ def test_beams_are_counted_where_they_fell():
 def test_a_chart_that_no_memory_holds_is_coarser(monkeypatch):
     run, georeference = make_exported(), Georeference((57.5, 11.2))
     fine = make_chart(run, georeference)
-    monkeypatch.setattr("rbpf_svgp_slam.exports.chart.MOST_CELLS", 1000)
+    monkeypatch.setattr("rbpf_svgp_slam.charts.chart.MOST_CELLS", 1000)
     coarse = make_chart(run, georeference)
     assert (fine.resolution_m, coarse.resolution_m) == (1.0, 4.0)
     assert coarse.elevation.size <= 1000 and coarse.density.sum() == fine.density.sum()

@@ -17,7 +17,7 @@ from osgeo import gdal
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from rbpf_svgp_slam.exports import s44
+from rbpf_svgp_slam.charts import s44
 from rbpf_svgp_slam.exports.export_files import FILES, SUMMARY
 from rbpf_svgp_slam.exports.export_run import WRITERS, Export, export_run
 from rbpf_svgp_slam.exports.export_settings import export_settings

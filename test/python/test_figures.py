@@ -15,6 +15,7 @@ from rbpf_svgp_slam.evaluation import page
 from rbpf_svgp_slam.evaluation.report import write_report
 from rbpf_svgp_slam.figures import (
     closure_figures,
+    error_figures,
     figure_style,
     map_figures,
     time_lapse_figures,
@@ -26,8 +27,9 @@ from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.run.survey_run import GridMap, TimeLapse
 
 MAP_FIGURES = (
-    "trajectories raw_bathymetry seabed posterior seabed_maps consistency_maps time_lapse".split()
-)
+    "depth_chart survey_quality trajectories raw_bathymetry posterior seabed_maps "
+    "consistency_maps time_lapse"
+).split()
 
 
 def make_time_lapse(run, frames=5):
@@ -63,23 +65,41 @@ def test_maps_have_equal_axes_units_and_a_colour_bar(drawn, name):
         assert axes.get_xlabel() == ("x (m)" if at.is_last_row() else "")
         assert axes.get_ylabel() == ("y (m)" if at.is_first_col() else "")
     bars = [child for axes in plan_views(figure) for child in axes.child_axes]
-    assert bars and all(bar.get_ylabel().endswith(("(m)", "(m²)")) for bar in bars)
+    assert bars and all(bar.get_ylabel().endswith(("(m)", "m²)")) for bar in bars)
 
 
 def test_a_map_is_drawn_where_it_is(drawn, run):
     image = plan_views(drawn["posterior"])[0].images[0]
     x, y = run.map.x, run.map.y
     assert image.get_extent() == (x[0] - 0.5, x[-1] + 0.5, y[0] - 0.5, y[-1] + 0.5)
-    shown = image.get_array()
-    np.testing.assert_array_equal(shown.filled(np.nan), run.map.mean.T)
+    shown = image.get_array().filled(np.nan)
+    known = np.isfinite(run.seabed.mean).T
+    np.testing.assert_array_equal(shown[known], run.map.mean.T[known])
     assert image.origin == "lower"
 
 
-def test_the_seabed_is_drawn_on_the_maps_cells_and_grey_where_no_beam_fell(drawn, run):
-    mean, std = (axes.images[0].get_array().filled(np.nan) for axes in plan_views(drawn["seabed"]))
-    np.testing.assert_array_equal(mean, run.seabed.mean.T)
-    np.testing.assert_array_equal(std, np.sqrt(run.seabed.variance).T)
-    assert 0.05 < np.isnan(mean).mean() < 0.5
+def test_every_panel_is_masked_as_the_seabed_is(drawn, run):
+    known = np.isfinite(run.seabed.mean)
+    assert 0.05 < 1 - known.mean() < 0.5
+    known &= np.isfinite(run.map.mean)
+    for name in ("posterior", "seabed_maps"):
+        for axes in plan_views(drawn[name]):
+            shown = axes.images[0].get_array()
+            np.testing.assert_array_equal(~np.ma.getmaskarray(shown).T, known)
+
+
+def test_all_seabeds_have_one_scale_of_depths(drawn, run):
+    limits = {
+        axes.images[0].get_clim()
+        for name in MAP_FIGURES
+        for axes in plan_views(drawn[name])
+        if axes.images[0].cmap == figure_style.DEPTH_MAP
+    }
+    assert len(limits) == 1
+    [bar] = plan_views(drawn["depth_chart"])[0].child_axes
+    page.to_png(drawn["depth_chart"])
+    depths = [float(text.get_text()) for text in bar.get_yticklabels()]
+    assert bar.get_ylabel() == "depth (m)" and (np.diff(depths) < 0).all() and min(depths) > 20
 
 
 def test_the_seabed_stands_beside_the_particles_map_and_the_truth(drawn, run):
@@ -184,47 +204,57 @@ def test_prompts_are_where_their_counter_grew(run):
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_position_errors_show_prompts_and_resamplings(run, known):
+def test_prompts_and_resamplings_stand_beside_the_curves(run, known):
     shown = run if known else without(run, ground_truth=None)
-    figure, _ = track_figures.position_errors(shown, None)
-    prompts = track_figures.event_minutes(run, "loop_closure_prompts")
-    resamplings = track_figures.event_minutes(run, "resamplings")
-    assert len(prompts) > 20 and len(resamplings) == 4
+    figure, _ = error_figures.position_errors(shown, None)
+    [strip] = [
+        axes for axes in figure.axes if not axes.get_ylabel() and axes.get_yticks().size == 2
+    ]
+    ticks = {line.get_label(): line.get_xdata() for line in strip.lines}
+    for counter, label in (("loop_closure_prompts", "prompts"), ("resamplings", "resamplings")):
+        np.testing.assert_array_equal(ticks[label], track_figures.event_minutes(run, counter))
+    assert [label.get_text() for label in strip.get_yticklabels()] == [
+        f"prompts ({len(ticks['prompts'])})",
+        "resamplings (4)",
+    ]
+    quiet, _ = error_figures.position_errors(without(shown, status_history={}), None)
+    assert len(quiet.axes) == len(figure.axes) - 1
+
+
+def test_both_estimates_are_drawn_with_what_they_say_of_their_errors(run):
+    figure, _ = error_figures.position_errors(run, None)
+    panels = {}
     for axes in figure.axes:
-        ticks = [line for line in axes.lines if line.get_label() == "prompts"]
-        np.testing.assert_array_equal(ticks[0].get_xdata(), prompts)
-        lines = [
-            c for c in axes.collections if isinstance(c, matplotlib.collections.LineCollection)
-        ]
-        starts = [segment[0, 0] for segment in lines[0].get_segments()]
-        np.testing.assert_array_equal(starts, resamplings)
-    legend = {text.get_text() for text in figure.axes[0].get_legend().get_texts()}
-    assert {"prompts", "resamplings"} <= legend
-    quiet, _ = track_figures.position_errors(without(shown, status_history={}), None)
-    legend = {text.get_text() for text in quiet.axes[0].get_legend().get_texts()}
-    assert not {"prompts", "resamplings"} & legend
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_both_estimates_are_drawn_with_what_they_say_of_their_errors(run, known):
-    shown = run if known else without(run, ground_truth=None)
-    figure, _ = track_figures.position_errors(shown, None)
-    truth = run.ground_truth if known else run.dead_reckoning
-    [axes] = [axes for axes in figure.axes if axes.get_ylabel().endswith("in y (m)")]
-    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
-    np.testing.assert_allclose(lines["RBPF"], run.estimate[:, 1] - truth[:, 1])
-    np.testing.assert_allclose(lines["RBPF online"], run.online[:, 1] - truth[:, 1])
-    bands = {band.get_label(): band.get_paths()[0].vertices[:, 1] for band in axes.collections}
-    for name, covariance in {
-        "RBPF": run.estimate_covariance,
-        "RBPF online": run.online_covariance,
-    }.items():
+        bands = {band.get_label(): band for band in axes.collections}
+        for label, band in bands.items():
+            panels.setdefault(label, []).append((axes, band.get_paths()[0].vertices[:, 1]))
+    for name, label in (("estimate", "±2σ, RBPF"), ("online", "±2σ, RBPF online")):
+        _, (axes, band) = panels[label]
+        error = getattr(run, name)[:, 1] - run.ground_truth[:, 1]
+        np.testing.assert_allclose(axes.lines[0].get_ydata(), error)
         # made_up_survey's covariances are diagonal: yy is the fourth of the triangle.
-        assert bands[f"±2σ, {name}"].max() == pytest.approx(2 * np.sqrt(covariance[:, 3].max()))
-    old = without(shown, online=None, online_covariance=None, estimate_covariance=None)
-    figure, _ = track_figures.position_errors(old, None)
+        two_sigma = 2 * np.sqrt(getattr(run, f"{name}_covariance")[:, 3])
+        assert band.max() == pytest.approx(two_sigma.max())
+        # One can see it: its widest fills a third of the panel at least, whatever dead reckoning
+        # does, and hardly anything is cut off.
+        assert two_sigma.max() > axes.get_ylim()[1] / 3
+        assert (two_sigma < axes.get_ylim()[1]).mean() > 0.98
+    old = without(run, online=None, online_covariance=None, estimate_covariance=None)
+    figure, _ = error_figures.position_errors(old, None)
     legend = {text.get_text() for text in figure.axes[0].get_legend().get_texts()}
-    assert "RBPF" in legend and not [label for label in legend if "online" in label or "σ" in label]
+    assert legend == {"dead reckoning", "RBPF"}
+
+
+def test_without_ground_truth_the_spread_has_a_panel_of_its_own(run):
+    blind = without(run, ground_truth=None)
+    figure, _ = error_figures.position_errors(blind, None)
+    [axes] = [axes for axes in figure.axes if axes.get_ylabel() == "2σ (m)"]
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    xx, yy = run.estimate_covariance[:, [0, 3]].T
+    np.testing.assert_allclose(lines["RBPF"], 2 * np.sqrt(np.maximum(xx, yy)))
+    [axes] = [axes for axes in figure.axes if axes.get_ylabel() == "in y (m)"]
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    np.testing.assert_allclose(lines["RBPF"], run.estimate[:, 1] - run.dead_reckoning[:, 1])
 
 
 # Loop closures
@@ -418,7 +448,8 @@ def test_one_ping_makes_figures_and_no_raw_bathymetry(run):
     one = without(run, **few, **beams, status_history={}, time_lapse=None)
     figures = {name: figure for name, figure, _ in page.draw_figures(one, evaluate(one))}
     # of consistency, only that of the map with the beams
-    assert set(figures) == {"trajectories", "posterior", "seabed_maps", "consistency_maps"}
+    drawn = "depth_chart survey_quality trajectories posterior seabed_maps consistency_maps"
+    assert set(figures) == set(drawn.split())
     assert all(page.to_png(figure) for figure in figures.values())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from rbpf_svgp_slam.exports.georeference import Georeference, utm_epsg
+from rbpf_svgp_slam.charts.georeference import Georeference, utm_epsg
 
 ORIGIN = (57.5, 11.2)
 

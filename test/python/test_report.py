@@ -5,9 +5,12 @@ import re
 
 import numpy as np
 import pytest
-from made_up_survey import OF_PINGS, without, write_run
+from browser import CHROMIUM, look
+from made_up_survey import NOISE_M, OF_PINGS, ORIGIN_DEG, without, write_run
 
 from rbpf_svgp_slam.evaluation.result_lines import summarise
+from rbpf_svgp_slam.evaluation.survey_facts import survey_facts
+from rbpf_svgp_slam.metrics.survey_metrics import survey_metrics
 from rbpf_svgp_slam.run.tracks import read_tum
 
 CONTRACT = (
@@ -19,6 +22,8 @@ CONTRACT = (
     "closures closures_accepted closures_refused closures_wrong closures_wrong_share "
     "closure_error_median_m closure_nees "
     "map_rmse_m map_msll "
+    "area_m2 track_length_m depth_min_m depth_median_m depth_max_m beams_per_m2 tvu95_m "
+    "s44_order_shares "
     "seabed_rmse_m seabed_msll seabed_coverage seabed_interval95_coverage seabed_spacing_m "
     "consistency_rmse_m grid_rmse_m peak_rss_mb"
 ).split()
@@ -80,11 +85,12 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
     text = (folder[0] / "report.html").read_text()
     figures = re.findall(r'<figure id="(\w+)">\s*<img [^>]*src="data:image/png;base64,iVBOR', text)
     assert figures == [
+        "depth_chart",
+        "survey_quality",
         "trajectories",
         "position_errors",
         "loop_closures",
         "raw_bathymetry",
-        "seabed",
         "posterior",
         "seabed_maps",
         "consistency_maps",
@@ -95,6 +101,79 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
     assert "svgp/kernel" in text and "matern12" in text
     # No address: base64 has no colon.
     assert "://" not in text and "<script" not in text and "url(" not in text
+
+
+needs_chromium = pytest.mark.skipif(
+    CHROMIUM is None, reason="no chromium to look at the page with: tools/setup.sh installs it"
+)
+DESKTOP_PX, PHONE_PX = 1280, 390
+
+
+@needs_chromium
+def test_a_reader_sees_every_figure_at_the_desk_and_on_a_phone(folder, tmp_path):
+    text = (folder[0] / "report.html").read_text()
+    seen, console = look(text, tmp_path, (DESKTOP_PX, PHONE_PX))
+    assert [one.width_px for one in seen] == [DESKTOP_PX, PHONE_PX]
+    for one in seen:
+        assert one.complaints() == []
+        assert len(one.images) == 12
+        # A figure fills its column, but for margins.
+        assert all(shown > 0.65 * min(one.width_px, 1000) for _, shown, _ in one.images)
+    assert console == []
+
+
+@needs_chromium
+def test_what_a_reader_would_miss_is_found(tmp_path):
+    broken = """<!DOCTYPE html><body><img alt="gone" src="data:image/png;base64,AAAA">
+    <div style="width: 500px">wide</div><script>console.error("oh")</script></body>"""
+    [desktop, phone], console = look(broken, tmp_path, (DESKTOP_PX, PHONE_PX))
+    assert desktop.complaints()[0] == "no image: gone"
+    assert any(text.startswith("page of 5") for text in phone.complaints())
+    assert not any(text.startswith("page of") for text in desktop.complaints())
+    assert any("oh" in line for line in console)
+
+
+def test_the_report_begins_with_what_a_hydrographer_asks(run, folder):
+    report = folder[1]
+    # Six lines of 100 m, and five half circles of 5 m radius; the estimate sways by half a metre.
+    assert report["track_length_m"] == pytest.approx(6 * 100 + 5 * np.pi * 5, rel=0.02)
+    # What the lines and turns sweep, 12 m to either side: no less than its rectangle without
+    # corners, no more than the map.
+    assert 100 * 74 < report["area_m2"] < run.map.mean.size
+    # 0.75 m between pings, 24 m / 39 between beams, and lines 10 m apart: swaths overlap twice.
+    assert 2 <= report["beams_per_m2"] <= 6
+    # Ripples of 0.7 m at 25 m, and a mound of 4 m; five σ of a beam's noise are allowed.
+    assert report["depth_max_m"] == pytest.approx(25.7, abs=5 * NOISE_M)
+    assert 20.3 - 5 * NOISE_M < report["depth_min_m"] < 21.5
+    assert report["depth_min_m"] < report["depth_median_m"] < report["depth_max_m"]
+    assert report["tvu95_m"] > 1.96 * NOISE_M
+    assert sum(report["s44_order_shares"].values()) == pytest.approx(1)
+    assert report["crs"] is None and report["map_turned_by_deg"] is None
+    text = (folder[0] / "report.html").read_text()
+    assert "local frame, without survey_origin" in text and "EPSG" not in text
+    assert text.index("area surveyed") < text.index("Order of S-44") < text.index("position error")
+
+
+def test_a_survey_with_a_place_names_its_crs_and_datum(run):
+    notes = []
+    # Of few beams no seabed is made: the best particle's map is what is charted.
+    few = {"levelled": run.levelled[:3000], "ping_of_beam": run.ping_of_beam[:3000]}
+    placed = without(run, **few, config={**run.config, "survey_origin": ORIGIN_DEG})
+    metrics = survey_metrics(placed, notes)
+    assert metrics["crs"] == {"epsg": 32632, "name": "WGS 84 / UTM zone 32N"}
+    assert metrics["vertical_crs"]["epsg"] == 5714
+    # tan γ = tan(λ − λ₀) sin φ, with the zone's central meridian λ₀ at 9°: east of it, grid
+    # north lies east of true north, so that a direction turns anticlockwise by γ.
+    convergence = np.arctan(np.tan(np.deg2rad(11.2 - 9)) * np.sin(np.deg2rad(57.5)))
+    assert metrics["map_turned_by_deg"] == pytest.approx(np.rad2deg(convergence), abs=1e-3)
+    facts = survey_facts({**metrics, "beams": 1})
+    assert facts["horizontal CRS"] == "EPSG:32632, WGS 84 / UTM zone 32N"
+    assert "MSL height" in facts["vertical datum"] and not notes
+    # 75 pings 0.75 m apart, and a swath of 24 m.
+    assert metrics["area_m2"] == pytest.approx(75 * 0.75 * 24, rel=0.1)
+    wrong = without(placed, config={**placed.config, "survey_epsg": 4326})
+    assert survey_metrics(wrong, notes)["crs"] is None
+    assert "EPSG:4326" in notes[0]
 
 
 def test_the_last_lines_tell_both_estimates_and_the_closures(folder):
@@ -129,7 +208,7 @@ def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     assert report["map_rmse_m"] == folder[1]["map_rmse_m"]
     assert any("no ground truth" in note for note in report["notes"])
     assert not (tmp_path / "ground_truth.tum").exists()
-    assert (tmp_path / "report.html").read_text().count("<figure id=") == 11
+    assert (tmp_path / "report.html").read_text().count("<figure id=") == 12
 
 
 @pytest.mark.parametrize("pings", [0, 1])
@@ -149,7 +228,7 @@ def test_a_survey_without_beams_is_reported(run, tmp_path, pings):
     assert report["beams"] == 0 and report["map_rmse_m"] is None
     assert report["consistency_rmse_m"] is None and report["particles"] is None
     assert any("not recorded" in note for note in report["notes"])
-    assert report["seabed_rmse_m"] is None
+    assert report["seabed_rmse_m"] is None and report["area_m2"] is None
     why = "no seabed of the final trajectory: 0 beams to make it from; expected at least 4000"
     assert any(note.startswith(why) for note in report["notes"])
     assert not (tmp_path / "seabed.npz").exists()

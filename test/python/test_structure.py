@@ -25,6 +25,7 @@ ROOMS = [
     "gmrf",
     "run",
     "smoothing",
+    "charts",
     "metrics",
     "figures",
     "exports",

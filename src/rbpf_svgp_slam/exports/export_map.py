@@ -6,9 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
+from rbpf_svgp_slam.charts.georeference import MEAN_SEA_LEVEL
 from rbpf_svgp_slam.exports.export_files import FILES
 from rbpf_svgp_slam.exports.export_run import export_run
-from rbpf_svgp_slam.exports.export_settings import MEAN_SEA_LEVEL, export_settings
+from rbpf_svgp_slam.exports.export_settings import export_settings
 from rbpf_svgp_slam.exports.exported_run import load_exported_run
 
 _DESCRIPTION = """Write the seabed and the track of a run folder for charts, GIS and navigation

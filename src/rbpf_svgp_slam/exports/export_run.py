@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Callable
 
 from rbpf_svgp_slam.exports import netcdf_file, raster_files, trajectory_files, vector_files
-from rbpf_svgp_slam.exports.chart import Chart, make_chart
+from rbpf_svgp_slam.charts.chart import Chart, make_chart
+from rbpf_svgp_slam.charts.contours import contour_interval_m
 from rbpf_svgp_slam.exports.export_files import FILES, remove_export
 from rbpf_svgp_slam.exports.export_settings import ExportSettings
 from rbpf_svgp_slam.exports.export_summary import metadata_of, summary_of, write_summary
 from rbpf_svgp_slam.exports.exported_run import ExportedRun
-from rbpf_svgp_slam.exports.georeference import Georeference
+from rbpf_svgp_slam.charts.georeference import Georeference
 from rbpf_svgp_slam.exports.track import Track
 
 #: Is told what has failed, and why.
@@ -39,7 +40,7 @@ class Export:
     @property
     def contour_interval_m(self) -> float:
         """As it is wanted, or by the range of depths."""
-        return self._interval_m or vector_files.contour_interval_m(self.chart.elevation)
+        return self._interval_m or contour_interval_m(self.chart.elevation)
 
 
 #: For each format of FILES what writes it, into a path of its first file's name.

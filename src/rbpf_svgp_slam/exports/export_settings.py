@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Sequence
 
+from rbpf_svgp_slam.charts.georeference import MEAN_SEA_LEVEL
 from rbpf_svgp_slam.exports.export_files import FILES
 from rbpf_svgp_slam.parameters.rules import Rule, checked, epsg_code, place, positive
-
-#: EPSG of heights above mean sea level.
-MEAN_SEA_LEVEL = 5714
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from rbpf_svgp_slam.exports import s44, uncertainty
-from rbpf_svgp_slam.exports.chart import Chart
+from rbpf_svgp_slam.charts import s44, uncertainty
+from rbpf_svgp_slam.charts.chart import Chart
 from rbpf_svgp_slam.exports.exported_run import ExportedRun
-from rbpf_svgp_slam.exports.georeference import Georeference
+from rbpf_svgp_slam.charts.georeference import Georeference
 
-_S44 = (
-    "IHO S-44 edition 6.1.0, by total vertical uncertainty (95 %) alone: horizontal uncertainty, "
-    "feature detection and coverage are other criteria."
-)
 # Beyond it, a metre of the grid is none on the ground.
 _GRID_SCALE_TOLERANCE = 0.01
 
@@ -69,7 +65,11 @@ def summary_of(
         "s44_order_shares": s44.shares(chart.order),
         "contour_interval_m": contour_interval_m,
         "hillshade_exaggeration": exaggeration,
-        "notes": [*metadata_of(run, georeference).values(), _S44, *_warnings(georeference, scale)],
+        "notes": [
+            *metadata_of(run, georeference).values(),
+            s44.BY_TVU_ALONE,
+            *_warnings(georeference, scale),
+        ],
     }
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from rbpf_svgp_slam.charts.charted_seabed import ChartedSeabed, where_beams_fell
 from rbpf_svgp_slam.run.run_files import RunFolderError, load_npz, load_text, poses_at
 from rbpf_svgp_slam.run.survey_run import GridMap, place_beams
 
@@ -20,18 +21,12 @@ _SPACING_TOLERANCE = 1e-6
 
 
 @dataclass
-class ExportedRun:
+class ExportedRun(ChartedSeabed):
     """One run. Frame map, m, rad, z up."""
 
     folder: Path
     source: str  # the file that the seabed is from
-    seabed: GridMap  # NaN where no beam fell
-    noise_variance_m2: float  # of a beam about the seabed
     stamp_s: np.ndarray  # [P]
-    poses: np.ndarray  # [P, 6] x y z roll pitch yaw of the final estimate, NaN where unknown
-    covariance: np.ndarray | None  # [P, 6] of it: xx, xy, x yaw, yy, y yaw, yaw yaw
-    beams: np.ndarray  # [N, 3] that the seabed is made of: placed, and not held out
-    ping_of_beam: np.ndarray  # [N]
     config: dict[str, Any]  # its parameters
 
 
@@ -68,14 +63,6 @@ def load_exported_run(folder: Path) -> ExportedRun:
     )
 
 
-def cells_of(grid: GridMap, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Index [n] of the cell, i · ny + j, that holds each of xy [n, 2]; and whether one does [n]."""
-    spacing_m = [grid.x[1] - grid.x[0], grid.y[1] - grid.y[0]]
-    i, j = np.floor((xy - [grid.x[0], grid.y[0]]) / spacing_m + 0.5).astype(np.int64).T
-    inside = (i >= 0) & (i < len(grid.x)) & (j >= 0) & (j < len(grid.y))
-    return i * len(grid.y) + j, inside
-
-
 def _poses(path: Path, stamp_s: np.ndarray) -> np.ndarray:
     """Poses [P, 6], of which some are known."""
     try:
@@ -98,10 +85,7 @@ def _seabed(folder: Path, beams: np.ndarray) -> tuple[str, GridMap, float]:
     path = folder / "map.npz"
     file = load_npz(path, ("x", "y", "mean", "variance"))
     grid = _grid(path, file, file["variance"])
-    # A map guesses where there are no beams; a seabed is NaN there.
-    unseen = ~_seen(grid, beams)
-    grid.mean[unseen], grid.variance[unseen] = np.nan, np.nan
-    return path.name, grid, float(file.get("noise_variance_m2", 0.0))
+    return path.name, where_beams_fell(grid, beams), float(file.get("noise_variance_m2", 0.0))
 
 
 def _grid(path: Path, file: dict[str, np.ndarray], variance: np.ndarray) -> GridMap:
@@ -116,20 +100,6 @@ def _grid(path: Path, file: dict[str, np.ndarray], variance: np.ndarray) -> Grid
     if not np.isfinite(grid.mean).any():
         raise RunFolderError(f"{path}: expected a seabed; mean has no finite value")
     return grid
-
-
-def _seen(grid: GridMap, beams: np.ndarray) -> np.ndarray:
-    """[nx, ny]: whether a beam fell within a cell of the centre, as the seabed is masked."""
-    half = [0.5 * (axis[1] - axis[0]) for axis in (grid.x, grid.y)]
-    # The squares between four centres, of which those around a centre count.
-    between = GridMap(
-        np.append(grid.x - half[0], grid.x[-1] + half[0]),
-        np.append(grid.y - half[1], grid.y[-1] + half[1]),
-        np.empty((len(grid.x) + 1, len(grid.y) + 1)),
-    )
-    cell, inside = cells_of(between, beams[:, :2])
-    hit = np.bincount(cell[inside], minlength=between.mean.size).reshape(between.mean.shape) > 0
-    return hit[1:, 1:] | hit[:-1, 1:] | hit[1:, :-1] | hit[:-1, :-1]
 
 
 def _covariance(folder: Path, survey: dict[str, np.ndarray], pings: int) -> np.ndarray | None:

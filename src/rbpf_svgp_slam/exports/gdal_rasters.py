@@ -9,7 +9,7 @@ from typing import Sequence
 import numpy as np
 from osgeo import gdal, osr
 
-from rbpf_svgp_slam.exports.chart import Chart
+from rbpf_svgp_slam.charts.chart import Chart
 
 gdal.UseExceptions()
 osr.UseExceptions()

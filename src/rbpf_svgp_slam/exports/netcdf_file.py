@@ -12,9 +12,9 @@ import numpy as np
 import pyproj
 from scipy.io import netcdf_file
 
-from rbpf_svgp_slam.exports import s44
-from rbpf_svgp_slam.exports.chart import Chart
-from rbpf_svgp_slam.exports.export_settings import MEAN_SEA_LEVEL
+from rbpf_svgp_slam.charts import s44
+from rbpf_svgp_slam.charts.georeference import MEAN_SEA_LEVEL
+from rbpf_svgp_slam.charts.chart import Chart
 
 _ABOVE_SEA = "height_above_mean_sea_level"
 _UNKNOWN_ORDER = -1  # the classic format has no unsigned bytes

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from osgeo import gdal
 
-from rbpf_svgp_slam.exports import s44
-from rbpf_svgp_slam.exports.chart import Chart
+from rbpf_svgp_slam.charts import s44
+from rbpf_svgp_slam.charts.chart import Chart
 from rbpf_svgp_slam.exports.gdal_rasters import Band, copied, in_memory
 from rbpf_svgp_slam.run.run_files import RunFolderError
 

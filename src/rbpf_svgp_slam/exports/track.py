@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from rbpf_svgp_slam.exports.exported_run import ExportedRun
-from rbpf_svgp_slam.exports.georeference import Georeference
+from rbpf_svgp_slam.charts.georeference import Georeference
 from rbpf_svgp_slam.run.planar_poses import wrapped
 
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
 from osgeo import gdal, ogr
 
-from rbpf_svgp_slam.exports.chart import Chart
+from rbpf_svgp_slam.charts.chart import Chart
 from rbpf_svgp_slam.exports.gdal_rasters import Band, in_memory, reference_system
 from rbpf_svgp_slam.exports.track import Track
 from rbpf_svgp_slam.metrics.consistency import split_passes
 
 _UNKNOWN = -99999.0
-# Contours over the chart's range, at most.
-_MOST_CONTOURS = 20
 
 
 def write_geopackage(
@@ -35,17 +32,6 @@ def write_geopackage(
     _write_lines(package.CreateLayer("survey_lines", system, ogr.wkbLineString), track)
     package.CommitTransaction()
     del contours, package  # which closes them
-
-
-def contour_interval_m(elevation: np.ndarray) -> float:
-    """1, 2 or 5 times a power of ten: the least that gives no more than 20 contours."""
-    range_m = float(np.nanmax(elevation) - np.nanmin(elevation))
-    wanted = max(range_m / _MOST_CONTOURS, 1e-3)
-    power = 10.0 ** math.floor(math.log10(wanted))
-    # Rounded, since log10 and powers of ten are not exact.
-    return next(
-        float(f"{factor * power:.6g}") for factor in (1, 2, 5, 10) if factor * power >= wanted
-    )
 
 
 def _write_lines(layer: ogr.Layer, track: Track) -> None:

@@ -6,6 +6,8 @@ cmocean's (Thyng et al. 2016), which are perceptually uniform and what the field
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib.cm
 import numpy as np
 from matplotlib.axes import Axes
@@ -60,7 +62,7 @@ START_COLOUR, PROMPT_COLOUR, RESAMPLING_COLOUR = "#009E73", "#333333", "#CC79A7"
 # Okabe and Ito's, the darker ones first, without the yellow that paper swallows.
 CURVE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 UNKNOWN_COLOUR, VEHICLE_COLOUR = "#e3e6e9", "#D55E00"
-DEPTH_LABEL = "z (m)"
+DEPTH_LABEL = "depth (m)"
 
 
 def field_colour_map(name: str, fallback: str) -> Colormap:
@@ -75,15 +77,16 @@ def field_colour_map(name: str, fallback: str) -> Colormap:
     return getattr(cm, name)
 
 
-# z is up: the deepest seabed has the lowest z, and is dark.
+# z is up: the deepest seabed has the lowest z, and is dark blue.
 DEPTH_MAP = field_colour_map("deep_r", "viridis")
 SPREAD_MAP = field_colour_map("matter", "cividis")
+DENSITY_MAP = field_colour_map("tempo", "YlGn")
 ERROR_MAP = field_colour_map("amp", "cividis")
 DIFFERENCE_MAP = field_colour_map("balance", "PuOr")
 # Of lines: without the palest third, which the ground swallows.
 LINE_MAP = ListedColormap(field_colour_map("dense", "plasma_r")(np.linspace(0.35, 1, 256)))
 
-_MAX_CELLS = 2000  # along an axis; a finer grid than the picture's pixels is only slow
+MAX_CELLS = 2000  # along an axis; a finer grid than the picture's pixels is only slow
 _MAX_HEIGHT_IN = 11.5
 _LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])  # towards the sun: north-west, 45° high
 _SHADING = 0.4  # opacity of the darkest shadow
@@ -119,9 +122,9 @@ def map_subplots(
     return figure, figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
 
 
-def map_axes(axes: Axes, title: str) -> None:
+def map_axes(axes: Axes, title: str, labels: tuple[str, str] = ("x (m)", "y (m)")) -> None:
     """Make axes a plan view in metres, x to the right and y up, grey where nothing is known."""
-    axes.set(xlabel="x (m)", ylabel="y (m)", title=title, facecolor=UNKNOWN_COLOUR)
+    axes.set(xlabel=labels[0], ylabel=labels[1], title=title, facecolor=UNKNOWN_COLOUR)
     axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -139,7 +142,7 @@ def draw_grid(
     y: np.ndarray,
     z: np.ndarray,
     relief: bool = False,
-    max_cells: int = _MAX_CELLS,
+    max_cells: int = MAX_CELLS,
     **style,
 ) -> AxesImage:
     """Draw z [nx, ny] at evenly spaced cell centres x [nx], y [ny], m; NaN cells stay blank.
@@ -153,6 +156,23 @@ def draw_grid(
     if relief and min(z.shape) > 1:
         axes.imshow(hill_shade(x, y, z).transpose(1, 0, 2), **style)
     return image
+
+
+def draw_depths(
+    axes: Axes, x: np.ndarray, y: np.ndarray, z: np.ndarray, run: SurveyRun, **style
+) -> None:
+    """Draw a seabed z [nx, ny], m, as draw_grid() does, in shaded relief, with a bar of depths.
+
+    The colours are the run's own, the same in all figures. style: what is to be otherwise.
+    """
+    look = {"interpolation": "bilinear", "relief": True, **depth_colours(run), **style}
+    depth_bar(draw_grid(axes, x, y, z, **look))
+
+
+def depth_colours(run: SurveyRun) -> dict[str, Any]:
+    """Return cmap, vmin and vmax, m of z, for every seabed of a run."""
+    grid = run.map if run.seabed is None else run.seabed
+    return {"cmap": DEPTH_MAP, **colour_limits(grid.mean)}
 
 
 def _coarser(x: np.ndarray, y: np.ndarray, z: np.ndarray, by: int) -> tuple[np.ndarray, ...]:
@@ -199,10 +219,15 @@ def hill_shade(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     return np.stack([white, white, white, opacity], axis=-1)
 
 
-def colour_bar(image: AxesImage | LineCollection, label: str) -> None:
+def depth_bar(image: AxesImage) -> None:
+    """Add a colour bar that tells z's of an image, m, as depths: the shallowest is on top."""
+    colour_bar(image, DEPTH_LABEL, format=lambda z, _: f"{0.0 - z:g}")
+
+
+def colour_bar(image: AxesImage | LineCollection, label: str, **options) -> None:
     """Add a slim colour bar beside the image's axes, as high as these, pointed where cut off.
 
-    image: or lines that are coloured by values, a masked array.
+    image: or lines that are coloured by values, a masked array. options: Figure.colorbar's.
     """
     axes, figure = image.axes, image.axes.figure
     low, high = image.get_clim()
@@ -217,12 +242,11 @@ def colour_bar(image: AxesImage | LineCollection, label: str) -> None:
             axes.bbox.x1 + 0.07 * figure.dpi, axes.bbox.y0, 0.13 * figure.dpi, axes.bbox.height
         ).transformed(figure.transFigure.inverted())
     )
-    ticks = {}
     if isinstance(image.norm, LogNorm):
         subdivisions = (1, 2, 5) if high < 500 * low else (1,)
-        ticks = {"ticks": LogLocator(subs=subdivisions), "format": "%g"}
+        options = {"ticks": LogLocator(subs=subdivisions), "format": "%g", **options}
     bar = figure.colorbar(
-        image, cax=inset, label=label, extend=beyond[cut], extendfrac=0.03, **ticks
+        image, cax=inset, label=label, extend=beyond[cut], extendfrac=0.03, **options
     )
     bar.outline.set_visible(False)
 

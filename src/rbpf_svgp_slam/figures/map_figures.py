@@ -11,9 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from scipy.ndimage import binary_closing
+from matplotlib.image import AxesImage
+from scipy.ndimage import binary_dilation
 from scipy.stats import norm
 
+from rbpf_svgp_slam.charts.charted_seabed import masked_map
+from rbpf_svgp_slam.charts.uncertainty import filled
 from rbpf_svgp_slam.figures import figure_style as style
 from rbpf_svgp_slam.figures.track_figures import Drawn, draw_track, mark_start_and_end
 from rbpf_svgp_slam.metrics.consistency import Consistency
@@ -24,8 +27,6 @@ from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
 # Cells along an axis, at most. Where not all are hit, by a beam or by two passes, single ones would
 # vanish.
 _RAW_CELLS, _SPARSE_CELLS = 1000, 400
-# Cells between two pings or two beams, at most: 4 m of a 1 m map.
-_SWATH_GAP_CELLS = 2
 _PARTICLE_MAP = "particle's map"
 # Of more points nothing could be seen below them.
 _MOST_DOTS = 1000
@@ -37,11 +38,7 @@ def raw_bathymetry(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     if raw is None:
         return None
     figure, [[axes]] = style.map_subplots(run, 1)
-    limits = style.colour_limits(raw.mean)
-    image = style.draw_grid(
-        axes, raw.x, raw.y, raw.mean, relief=True, cmap=style.DEPTH_MAP, **limits
-    )
-    style.colour_bar(image, style.DEPTH_LABEL)
+    style.draw_depths(axes, raw.x, raw.y, within_a_cell(raw.mean), run)
     draw_track(axes, "dead_reckoning", run.dead_reckoning)
     if run.ground_truth is not None:
         draw_track(axes, "ground_truth", run.ground_truth)
@@ -77,52 +74,25 @@ def grid_of_beams(run: SurveyRun, poses: np.ndarray, beams: np.ndarray) -> GridM
     return grid
 
 
-def seabed(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw the seabed of the final trajectory: its mean and its standard deviation."""
-    grid = run.seabed
-    if grid is None or not np.isfinite(grid.mean).any():
-        return None
-    figure, panels = style.map_subplots(run, 2)
-    limits = style.colour_limits(grid.mean)
-    depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
-    image = style.draw_grid(panels.flat[0], grid.x, grid.y, grid.mean, **depth)
-    style.colour_bar(image, style.DEPTH_LABEL)
-    style.map_axes(panels.flat[0], "Seabed of the final trajectory")
-    std = np.sqrt(grid.variance)
-    limits = style.colour_limits(std)
-    image = style.draw_grid(panels.flat[1], grid.x, grid.y, std, cmap=style.SPREAD_MAP, **limits)
-    style.colour_bar(image, "standard deviation (m)")
-    style.map_axes(panels.flat[1], "Its standard deviation")
-    return figure, (
-        "The seabed that all beams but the held-out ones show, placed with the final trajectory: "
-        "its mean, in shaded relief, and its standard deviation, a beam's noise not included. Grey "
-        "where no beam fell."
-    )
-
-
 def posterior(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     """Draw the best particle's map: its mean, and its variance with the support points."""
-    grid = run.map
-    if not np.isfinite(grid.mean).any():
+    grid = masked_map(run)
+    if grid is None:
         return None
     has_variance = grid.variance is not None and np.isfinite(grid.variance).any()
     figure, panels = style.map_subplots(run, 2 if has_variance else 1)
-    limits = style.colour_limits(grid.mean)
-    depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
-    image = style.draw_grid(panels.flat[0], grid.x, grid.y, grid.mean, **depth)
-    style.colour_bar(image, style.DEPTH_LABEL)
+    style.draw_depths(panels.flat[0], grid.x, grid.y, grid.mean, run)
     style.map_axes(panels.flat[0], "The best particle's map: posterior mean")
     caption = "The mean of the map that the best particle had, in shaded relief"
     if has_variance:
-        _draw_variance(panels.flat[1], run)
+        _draw_variance(panels.flat[1], run, grid)
         caption += ", and the variance of its latent depth, on a logarithmic scale"
         if 0 < len(run.support_points) <= _MOST_DOTS:
             caption += f", with the {len(run.support_points)} {run.support_label} (dots)"
-    return figure, caption + "."
+    return figure, caption + ". Grey where no beam fell: there the map is a guess."
 
 
-def _draw_variance(axes: Axes, run: SurveyRun) -> None:
-    grid = run.map
+def _draw_variance(axes: Axes, run: SurveyRun, grid: GridMap) -> None:
     positive = grid.variance[np.isfinite(grid.variance) & (grid.variance > 0)]
     limits = style.colour_limits(positive)
     if limits["vmin"] < limits["vmax"] and limits["vmin"] > 0:
@@ -141,10 +111,11 @@ def _draw_variance(axes: Axes, run: SurveyRun) -> None:
 
 def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     """Draw the seabed, the particle's map, the cell means and the truth, and their differences."""
-    ours = run.map
-    if not np.isfinite(ours.mean).any():
+    ours = masked_map(run)
+    if ours is None:
         return None
-    seabeds = {_PARTICLE_MAP: ours.mean, "cell means": grid_on(ours, run.beams)}
+    known = np.isfinite(ours.mean)
+    seabeds = {_PARTICLE_MAP: ours.mean, "cell means": within_a_cell(grid_on(ours, run.beams))}
     if run.seabed is not None:
         seabeds = {"seabed": run.seabed.mean, **seabeds}
     # Of all against the truth, and one more, so that there are as many as seabeds; without the
@@ -153,36 +124,39 @@ def seabed_maps(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     if run.terrain is not None:
         pairs = [*((name, "true seabed") for name in seabeds), pairs[0]]
         seabeds["true seabed"] = terrain_at(run.terrain, ours)
+    seabeds = {name: np.where(known, z, np.nan) for name, z in seabeds.items()}
     differences = {
         f"{a} − {b}".replace("true seabed", "truth"): seabeds[a] - seabeds[b] for a, b in pairs
     }
     figure, panels = style.map_subplots(run, len(seabeds) + len(differences))
     # Row by row for seabeds above their differences, column by column for seabeds beside them.
     panels = (panels.T if panels.shape == (len(seabeds), 2) else panels).ravel()
-    depth = {"cmap": style.DEPTH_MAP, **style.colour_limits(*seabeds.values())}
-    _draw_panels(panels[: len(seabeds)], ours, seabeds, style.DEPTH_LABEL, **depth)
-    # Beyond the swaths the map is a guess, whose errors would hide all others. Between the pings,
-    # where cells are empty too, it is none.
-    hit = np.isfinite(seabeds["cell means"])
-    # Closing alone would take away cells at the map's edge.
-    swept = hit | binary_closing(hit, iterations=_SWATH_GAP_CELLS)
-    differences = {name: np.where(swept, z, np.nan) for name, z in differences.items()}
+    image = _draw_panels(panels[: len(seabeds)], ours, seabeds, **style.depth_colours(run))
+    style.depth_bar(image)
     limits = style.colour_limits(*differences.values(), symmetric=True)
     signed = {"cmap": style.DIFFERENCE_MAP, **limits}
-    _draw_panels(panels[len(seabeds) :], ours, differences, "difference (m)", **signed)
+    image = _draw_panels(panels[len(seabeds) :], ours, differences, **signed)
+    style.colour_bar(image, "difference (m)")
     return figure, (
         "The seabed of the final trajectory, the best particle's map, the cell means of the same "
-        "beams, and the true seabed where it is known, on one colour scale; and their differences, "
-        "where beams have been, on another."
+        "beams, and the true seabed where it is known, on one colour scale; and their differences "
+        "on another. Grey where no beam fell within a cell."
     )
 
 
-def _draw_panels(panels, grid: GridMap, layers: dict[str, np.ndarray], label: str, **scale) -> None:
-    """Draw layers [nx, ny] on one colour scale, with a bar for all beside the last."""
+def within_a_cell(z: np.ndarray) -> np.ndarray:
+    """z [nx, ny] with each NaN that lies beside a known cell, or at its corner, replaced by the
+    nearest one's: as far as the seabed is known, and as a plain grid is scored."""
+    near = binary_dilation(np.isfinite(z), np.ones((3, 3)))
+    return np.where(near, filled(z), np.nan)
+
+
+def _draw_panels(panels, grid: GridMap, layers: dict[str, np.ndarray], **scale) -> AxesImage:
+    """Draw layers [nx, ny] on one colour scale; returns the last image."""
     for axes, (title, z) in zip(panels, layers.items()):
         image = style.draw_grid(axes, grid.x, grid.y, z, max_cells=_SPARSE_CELLS, **scale)
         style.map_axes(axes, title[0].upper() + title[1:])
-    style.colour_bar(image, label)
+    return image
 
 
 def held_out_residuals(run: SurveyRun, evaluation: Evaluation) -> Drawn:

@@ -9,7 +9,9 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from rbpf_svgp_slam.figures import (
+    chart_figures,
     closure_figures,
+    error_figures,
     map_figures,
     time_lapse_figures,
     track_figures,
@@ -20,11 +22,12 @@ from rbpf_svgp_slam.metrics.evaluation import Evaluation
 from rbpf_svgp_slam.run.survey_run import SurveyRun
 
 _FIGURES = (
+    chart_figures.depth_chart,
+    chart_figures.survey_quality,
     track_figures.trajectories,
-    track_figures.position_errors,
+    error_figures.position_errors,
     closure_figures.loop_closures,
     map_figures.raw_bathymetry,
-    map_figures.seabed,
     map_figures.posterior,
     map_figures.seabed_maps,
     map_figures.consistency_maps,

@@ -63,10 +63,10 @@ def time_lapse(run: SurveyRun, evaluation: Evaluation) -> Drawn:
     frames = evenly_spaced(lapse.t_s, 8 if style.plan_aspect(run) > 0.8 else 6)
     figure, panels = style.map_subplots(run, len(frames), _STRIP_HEIGHT_IN)
     seabed = seen_seabed(run, lapse)
-    limits = style.colour_limits(seabed)
+    colours = style.depth_colours(run)
     for axes, k in zip(panels.flat, frames):
-        image = _draw_frame(axes, run, k, seabed[k], limits)
-    style.colour_bar(image, style.DEPTH_LABEL)
+        image = _draw_frame(axes, run, k, seabed[k], colours)
+    style.depth_bar(image)
     return figure, (
         "The map of the particle that was the best at each time, with the way of the vehicle so "
         f"far; grey where no beam had hit the seabed yet. All {len(lapse.t_s)} "
@@ -115,7 +115,7 @@ def _palette(frames: list[Image.Image]) -> Image.Image:
 def _animation(run: SurveyRun, lapse: TimeLapse) -> list[Image.Image]:
     """Return the frames [K], all of one size and layout."""
     seabed = seen_seabed(run, lapse)
-    limits = style.colour_limits(seabed)
+    colours = style.depth_colours(run)
     # Placed by hand: matplotlib's own layout would double the time of every frame.
     left_in, bottom_in, right_in, top_in = _GIF_MARGINS_IN
     map_in = _GIF_WIDTH_IN - left_in - right_in
@@ -128,17 +128,18 @@ def _animation(run: SurveyRun, lapse: TimeLapse) -> list[Image.Image]:
     images = []
     for k, z in enumerate(seabed):
         axes.clear()
-        style.colour_bar(_draw_frame(axes, run, k, z, limits), style.DEPTH_LABEL)
+        style.depth_bar(_draw_frame(axes, run, k, z, colours))
         canvas.draw()
         images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))
     return images
 
 
-def _draw_frame(axes: Axes, run: SurveyRun, k: int, z: np.ndarray, limits: dict) -> AxesImage:
+def _draw_frame(axes: Axes, run: SurveyRun, k: int, z: np.ndarray, colours: dict) -> AxesImage:
     """Draw frame k, seabed z [nx, ny] in m, with the vehicle and its way so far."""
     lapse = run.time_lapse
-    depth = {"cmap": style.DEPTH_MAP, "interpolation": "bilinear", "relief": True, **limits}
-    image = style.draw_grid(axes, lapse.x, lapse.y, z, **depth)
+    image = style.draw_grid(
+        axes, lapse.x, lapse.y, z, interpolation="bilinear", relief=True, **colours
+    )
     way = run.estimate[run.stamp_s <= lapse.t_s[k], :2]
     axes.plot(*way.T, color="black", linewidth=0.5, alpha=0.6)
     axes.plot(*way[-1:].T, "o", color=style.VEHICLE_COLOUR, mec="white", ms=5)

@@ -26,6 +26,7 @@ from rbpf_svgp_slam.metrics.map_metrics import (
 )
 from rbpf_svgp_slam.metrics.metric_names import SEABED_METRICS
 from rbpf_svgp_slam.metrics.normalised_errors import nees
+from rbpf_svgp_slam.metrics.survey_metrics import survey_metrics
 from rbpf_svgp_slam.metrics.trajectory_errors import (
     ate_aligned_rmse,
     ate_rmse,
@@ -67,6 +68,7 @@ def evaluate(run: SurveyRun, settings: ConsistencySettings = ConsistencySettings
         **ideal_metrics(run, notes),
         **_map_metrics(run, held_out, notes),
         **_seabed_metrics(run, seabed_held_out),
+        **survey_metrics(run, notes),
         **_consistency_metrics(run, consistencies, settings),
         "notes": notes,
     }

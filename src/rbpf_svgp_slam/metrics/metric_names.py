@@ -29,6 +29,10 @@ SEABED_METRICS = (
     "seabed_rmse_m seabed_msll seabed_coverage seabed_rmse_on_grid_beams_m "
     "seabed_interval95_coverage seabed_terrain_rmse_m seabed_noise_std_m seabed_spacing_m"
 ).split()
+#: What a hydrographer asks first.
+SURVEY_METRICS = (
+    "area_m2 track_length_m depth_min_m depth_median_m depth_max_m beams_per_m2 tvu95_m"
+).split()
 CONSISTENCY_METRICS = (
     "consistency_rmse_m dr_consistency_rmse_m ground_truth_consistency_rmse_m "
     "map_consistency_rmse_m "
@@ -41,6 +45,7 @@ METRICS = (
     *CLOSURE_METRICS,
     *MAP_METRICS,
     *SEABED_METRICS,
+    *SURVEY_METRICS,
     *CONSISTENCY_METRICS,
 )
 

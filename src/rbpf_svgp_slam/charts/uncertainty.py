@@ -1,4 +1,4 @@
-"""How uncertain the exported depths are: the map's share, the trajectory's, and what is missing.
+"""How uncertain the charted depths are: the map's share, the trajectory's, and what is missing.
 
 With the slope g = ∇z of the seabed and the covariance P of a beam's place,
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from rbpf_svgp_slam.exports.exported_run import ExportedRun, cells_of
+from rbpf_svgp_slam.charts.charted_seabed import ChartedSeabed, cells_of
 
 #: For every file's metadata.
 INCLUDED = (
@@ -32,7 +32,7 @@ MISSING = (
 )
 
 
-def position_variance(run: ExportedRun) -> np.ndarray:
+def position_variance(run: ChartedSeabed) -> np.ndarray:
     """Variance [nx, ny], m², that the trajectory's uncertainty gives the depth of each cell."""
     shape = run.seabed.mean.shape
     if run.covariance is None:
@@ -41,6 +41,13 @@ def position_variance(run: ExportedRun) -> np.ndarray:
     xx, xy, yy = _place_covariance(run)
     # gᵀ P g; a covariance that is none, by rounding, must not take uncertainty away.
     return np.maximum(slope_x**2 * xx + 2 * slope_x * slope_y * xy + slope_y**2 * yy, 0.0)
+
+
+def total_variance(run: ChartedSeabed) -> np.ndarray:
+    """Variance [nx, ny], m², of a depth read off at each cell: all shares; NaN where unknown."""
+    if run.seabed.variance is None:
+        return np.full(run.seabed.mean.shape, np.nan)
+    return run.seabed.variance + run.noise_variance_m2 + position_variance(run)
 
 
 def slopes(z: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -67,7 +74,7 @@ def _slope(z: np.ndarray, x: np.ndarray) -> np.ndarray:
     return filled(slope)
 
 
-def _place_covariance(run: ExportedRun) -> list[np.ndarray]:
+def _place_covariance(run: ChartedSeabed) -> list[np.ndarray]:
     """P's xx, xy, yy [nx, ny], m², mean over the beams of each cell."""
     cell, inside = cells_of(run.seabed, run.beams[:, :2])
     covariance = run.covariance[run.ping_of_beam]

@@ -13,6 +13,11 @@ import numpy as np
 
 #: Standard deviations of a Gaussian within which 95 % lie.
 SIGMAS_95 = 1.959964
+#: For every reader of them.
+BY_TVU_ALONE = (
+    "IHO S-44 edition 6.1.0, by total vertical uncertainty (95 %) alone: horizontal uncertainty, "
+    "feature detection and coverage are other criteria."
+)
 NO_ORDER = 0
 UNKNOWN = 255
 
@@ -58,3 +63,16 @@ def shares(codes: np.ndarray) -> dict[str, float]:
         NAMES[code]: float(np.mean(known == code)) if known.size else 0.0
         for code in sorted(NAMES, reverse=True)
     }
+
+
+def shares_within(shares_of: dict[str, float]) -> dict[str, float]:
+    """Share of the cells within each order's vertical uncertainty, by name, the strictest first:
+    a cell is within all orders that are less strict than the strictest that it meets.
+
+    shares_of: as shares() has them.
+    """
+    within, total = {}, 0.0
+    for order in reversed(ORDERS):
+        total += shares_of[order.name]
+        within[order.name] = total
+    return within

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_erosion, map_coordinates
 
-from rbpf_svgp_slam.exports import s44
-from rbpf_svgp_slam.exports.exported_run import ExportedRun
-from rbpf_svgp_slam.exports.georeference import Georeference
-from rbpf_svgp_slam.exports.uncertainty import position_variance
+from rbpf_svgp_slam.charts import s44
+from rbpf_svgp_slam.charts.charted_seabed import ChartedSeabed
+from rbpf_svgp_slam.charts.georeference import Georeference, LocalFrame
+from rbpf_svgp_slam.charts.uncertainty import position_variance
 from rbpf_svgp_slam.run.survey_run import GridMap
 from rbpf_svgp_slam.survey_area.grid import grid_points
 
@@ -24,7 +24,7 @@ MOST_CELLS = 20_000_000
 class Chart:
     """Layers [rows, columns], the northern row first, m; NaN where no beam fell."""
 
-    georeference: Georeference
+    georeference: Georeference | LocalFrame
     resolution_m: float  # of the grid; square cells
     west_m: float  # easting of the outer edge
     north_m: float  # northing of the outer edge
@@ -51,16 +51,22 @@ class Chart:
         return np.isfinite(self.elevation)
 
 
-def make_chart(run: ExportedRun, georeference: Georeference) -> Chart:
-    """Draw the run's seabed on a grid of the CRS, at the map's resolution.
+def make_chart(
+    run: ChartedSeabed, georeference: Georeference | LocalFrame, most_cells: int | None = None
+) -> Chart:
+    """Draw the run's seabed on a grid of the CRS, at the map's resolution, or a coarser one of no
+    more than most_cells (MOST_CELLS).
 
     Bilinear between the map's cells, among those that are known; known where the nearest is.
     Variances are interpolated as the depths are, which is no less than the interpolated depth's.
     Beams are counted where they fell, not interpolated.
     """
     position = np.where(np.isfinite(run.seabed.mean), position_variance(run), np.nan)
-    frame = _frame_of(run.seabed, georeference)
-    layers = [run.seabed.mean, run.seabed.variance, position]
+    variance = run.seabed.variance
+    if variance is None:
+        variance = np.full(run.seabed.mean.shape, np.nan)
+    frame = _frame_of(run.seabed, georeference, most_cells or MOST_CELLS)
+    layers = [run.seabed.mean, variance, position]
     elevation, seabed, position = _drawn(run.seabed, layers, georeference, frame)
     std = np.sqrt(seabed + run.noise_variance_m2 + position)
     return Chart(
@@ -88,7 +94,7 @@ class _Frame:
     columns: int
 
 
-def _frame_of(grid: GridMap, georeference: Georeference) -> _Frame:
+def _frame_of(grid: GridMap, georeference: Georeference | LocalFrame, most_cells: int) -> _Frame:
     """Around the known seabed, with edges at multiples of the resolution: the map's, doubled until
     there are not too many cells."""
     known = np.isfinite(grid.mean)
@@ -102,14 +108,14 @@ def _frame_of(grid: GridMap, georeference: Georeference) -> _Frame:
         low = np.floor(en.min(axis=0) / resolution_m)
         high = np.ceil(en.max(axis=0) / resolution_m)
         columns, rows = (high - low).astype(np.int64).tolist()
-        if rows * columns <= MOST_CELLS:
+        if rows * columns <= most_cells:
             west_m, north_m = float(low[0]) * resolution_m, float(high[1]) * resolution_m
             return _Frame(resolution_m, west_m, north_m, rows, columns)
         resolution_m *= 2.0
 
 
 def _drawn(
-    grid: GridMap, layers: list[np.ndarray], georeference: Georeference, frame: _Frame
+    grid: GridMap, layers: list[np.ndarray], georeference: Georeference | LocalFrame, frame: _Frame
 ) -> np.ndarray:
     """Layers [k, nx, ny] of the grid as layers [k, rows, columns] of the frame."""
     drawn = np.empty((len(layers), frame.rows, frame.columns))
@@ -143,7 +149,7 @@ def _interpolated(grid: GridMap, layers: list[np.ndarray], xy: np.ndarray) -> np
     return result
 
 
-def _density(xy: np.ndarray, georeference: Georeference, frame: _Frame) -> np.ndarray:
+def _density(xy: np.ndarray, georeference: Georeference | LocalFrame, frame: _Frame) -> np.ndarray:
     """How many of xy [n, 2] in map fell into each cell [rows, columns], int32."""
     counts = np.zeros(frame.rows * frame.columns, np.int64)
     for part in np.array_split(xy, 1 + len(xy) // _CELLS):

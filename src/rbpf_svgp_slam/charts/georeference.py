@@ -8,13 +8,14 @@ x and y: at 100 m depth and 1 km from the origin that is 1.6 cm off.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pyproj
 from pyproj.exceptions import CRSError
 
-from rbpf_svgp_slam.exports.export_settings import MEAN_SEA_LEVEL
-
+#: EPSG of heights above mean sea level.
+MEAN_SEA_LEVEL = 5714
 #: Where UTM has zones, degrees.
 _UTM_SOUTH, _UTM_NORTH = -80.0, 84.0
 # The plane's height below the ellipsoid is found anew with each; the third is below a micrometre
@@ -116,6 +117,27 @@ class Georeference:
             f"EPSG:{self.epsg} ({self.name}) does not reach latitude {latitude:g}, longitude "
             f"{longitude:g}; expected a projected CRS for the survey's origin"
         )
+
+
+class LocalFrame:
+    """A map frame of which nobody has said where on the earth it lies: a chart of it has its x and
+    y for coordinates, and no north."""
+
+    def projected(self, xy: np.ndarray) -> np.ndarray:
+        """Positions [n, 2] as they are, m."""
+        return np.asarray(xy, dtype=float)
+
+    from_projected = projected
+
+
+def georeference_of(config: dict[str, Any]) -> Georeference | None:
+    """The place that a run's parameters tell; None where they tell none.
+
+    Raises ValueError with what is wrong with them.
+    """
+    if not config.get("survey_origin"):
+        return None
+    return Georeference(tuple(config["survey_origin"]), config.get("survey_epsg") or 0)
 
 
 def utm_epsg(origin_deg: tuple[float, float]) -> int:
