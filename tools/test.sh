@@ -40,10 +40,30 @@ run_pytest() {
 # by file: what a module's tests share is made once
 step "pytest" run_pytest together -m "not alone" --numprocesses="$(nproc)" --dist=loadfile
 step "pytest" run_pytest alone -m alone
+run_rostest() {
+  # bash has its background jobs ignore SIGINT, with which roslaunch ends its nodes
+  env --default-signal=INT rostest --results-base-dir="$results" --results-filename="$1.xml" \
+    "test/ros/$1.test"
+}
+# What an offline replay gives does not depend on what the machine does meanwhile, and both wait as
+# long as they compute. rostest gives each a master of its own.
+surveys_beside_offline() {
+  local offline passed=true
+  run_rostest offline >"$results/offline.log" 2>&1 &
+  offline=$!
+  run_rostest surveys || passed=false
+  wait "$offline" || passed=false
+  cat "$results/offline.log"
+  $passed
+}
 for file in test/ros/*.test; do
   name=$(basename "$file" .test)
-  step "rostest $name" rostest --results-base-dir="$results" --results-filename="$name.xml" "$file"
+  case $name in
+    offline | surveys) ;;
+    *) step "rostest $name" run_rostest "$name" ;;
+  esac
 done
+step "rostest surveys, offline" surveys_beside_offline
 
 step "other builds" tools/test_builds.sh
 

@@ -23,7 +23,16 @@ for sanitizers in thread address,undefined; do
   } >"$build/build.log" 2>&1 || { cat "$build/build.log"; exit 1; }
   echo "-- $sanitizers"
   for test in "$@"; do
-    "$build/devel/lib/rbpf_svgp_slam/$test" --gtest_brief=1 \
-      --gtest_output="xml:$results/$test.${sanitizers//,/_}.xml"
+    # a share of the tests for each core
+    shards=()
+    for ((shard = 0; shard < $(nproc); shard++)); do
+      GTEST_TOTAL_SHARDS=$(nproc) GTEST_SHARD_INDEX=$shard \
+        "$build/devel/lib/rbpf_svgp_slam/$test" --gtest_brief=1 \
+        --gtest_output="xml:$results/$test.${sanitizers//,/_}.$shard.xml" &
+      shards+=($!)
+    done
+    for shard in "${shards[@]}"; do
+      wait "$shard"
+    done
   done
 done
