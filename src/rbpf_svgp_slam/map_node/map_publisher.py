@@ -10,22 +10,27 @@ import rospy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from rbpf_svgp_slam.figures.cloud_colours import points_rgb
 from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.protocol import names
-from rbpf_svgp_slam.protocol.clouds import point_cloud
+from rbpf_svgp_slam.protocol.clouds import packed_rgb, point_cloud
 from rbpf_svgp_slam.survey_area.grid import survey_grid
 from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
 # Of the published map, whose grid is coarsened to that.
 MAX_POINTS = 40000
+# A map knows a place once its variance there is below this share of what it was at first.
+KNOWN_SHARE = 0.5
 # Points predicted between two training steps, which takes about as long as a step.
 CHUNK_POINTS = 1000
 
 
 class MapPublisher:
     """Topics map/mean, map/variance and the map's support points, from the best particle's node.
+
+    Mean and variance are of places that beams have told of; the mean has the report's colours.
 
     Works on the training thread, a moment between every two steps.
     """
@@ -82,7 +87,9 @@ class MapPublisher:
                 with self._store.exclusive():
                     mean[chunk], variance[chunk] = snapshot.predict(xy)
                 yield
-            xyz = {"x": self._points[:, 0], "y": self._points[:, 1], "z": mean}
-            std = np.sqrt(np.maximum(variance, 0.0))
-            self._mean.publish(point_cloud(header, xyz))
+            known = variance < KNOWN_SHARE * snapshot.prior_variance_m2
+            points = np.column_stack([self._points, mean])[known]
+            xyz = dict(zip("xyz", points.T))
+            std = np.sqrt(np.maximum(variance[known], 0.0))
+            self._mean.publish(point_cloud(header, {**xyz, "rgb": packed_rgb(points_rgb(points))}))
             self._variance.publish(point_cloud(header, {**xyz, "std": std}))

@@ -7,6 +7,12 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 
+def packed_rgb(rgb: np.ndarray) -> np.ndarray:
+    """Return uint8 colours [n, 3] as a float32 column [n] `rgb`, as PCL and RViz have it."""
+    red, green, blue = (rgb[:, i].astype("<u4") for i in range(3))
+    return (red << 16 | green << 8 | blue).view("<f4")
+
+
 def point_cloud(header: Header, columns: dict[str, np.ndarray]) -> PointCloud2:
     """An unorganised cloud of float32 fields, in the order of the columns, each [n]."""
     names = list(columns)
