@@ -1,8 +1,9 @@
 """What smoothing makes of dead reckoning alone, beside the ideal smoother, over seeds and seabeds.
 
 closures.md has a table of medians and one of every survey. A survey takes some seconds; those that
-closures.jsonl has already from this build of the smoother are not smoothed again. The environment's
-CLOSURE_SEEDS (10) and CLOSURE_SCALE (0.64 of lolo3: some 22 minutes of survey) make it shorter.
+closures.jsonl has already from this build of the smoother are not smoothed again. Of the environment,
+CLOSURE_SEEDS (10), CLOSURE_SCALE (0.64 of lolo3: some 22 minutes of survey) and CLOSURE_SEABEDS (all,
+the first so many) make it shorter; CLOSURE_MISSION is another mission than lolo3.
 """
 
 from __future__ import annotations
@@ -34,14 +35,18 @@ def run(out: Path) -> dict[str, Any]:
     """Medians over the seeds by seabed, and every survey's row."""
     seeds = int(os.environ.get("CLOSURE_SEEDS", "10"))
     scale = float(os.environ.get("CLOSURE_SCALE", "0.64"))
+    mission = os.environ.get("CLOSURE_MISSION", simulated_runs.MISSION)
+    seabeds = list(simulated_runs.SEABEDS)
+    seabeds = seabeds[: int(os.environ.get("CLOSURE_SEABEDS", len(seabeds)))]
     store = Rows(out / "closures.jsonl")
     rows: dict[str, list[dict[str, Any]]] = {}
-    for seabed in simulated_runs.SEABEDS:
+    for seabed in seabeds:
         if seabed == "block_b" and not simulated_runs.REAL_SEABED.exists():
             print(f"{seabed}: {simulated_runs.REAL_SEABED} is not there: left out", flush=True)
             continue
         rows[seabed] = [
-            store.row(seabed, seed, scale) for seed in range(FIRST_SEED, FIRST_SEED + seeds)
+            store.row(seabed, seed, scale, mission)
+            for seed in range(FIRST_SEED, FIRST_SEED + seeds)
         ]
     medians = {seabed: summary(of_seabed) for seabed, of_seabed in rows.items()}
     overview = markdown([{"seabed": seabed, **shown(row)} for seabed, row in medians.items()])
@@ -60,13 +65,19 @@ class Rows:
         lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         self._known = {self._key(row): row for row in map(json.loads, lines)}
 
-    def row(self, seabed: str, seed: int, scale: float) -> dict[str, Any]:
+    def row(self, seabed: str, seed: int, scale: float, mission: str) -> dict[str, Any]:
         """Return the survey's row, measured now unless this build of the smoother has done so."""
-        asked = {"build": self._build, "seabed": seabed, "seed": seed, "scale": scale}
+        asked = {
+            "build": self._build,
+            "mission": mission,
+            "seabed": seabed,
+            "seed": seed,
+            "scale": scale,
+        }
         known = self._known.get(self._key(asked))
         if known is not None:
             return known
-        row = {**asked, **score(simulated_runs.simulated_run(seabed, seed, scale))}
+        row = {**asked, **score(simulated_runs.simulated_run(seabed, seed, scale, mission))}
         print(f"{seabed}, seed {seed}: {json.dumps(shown_survey(row))}", flush=True)
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
@@ -74,7 +85,7 @@ class Rows:
 
     @staticmethod
     def _key(row: dict[str, Any]) -> tuple:
-        return tuple(row[name] for name in ("build", "seabed", "seed", "scale"))
+        return tuple(row[name] for name in ("build", "mission", "seabed", "seed", "scale"))
 
 
 def _build() -> str:
@@ -124,7 +135,9 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     def ratios(name: str, other: str) -> list[float]:
         return [row[name] / row[other] for row in rows]
 
-    names = [n for n in rows[0] if n not in ("build", "seabed", "seed", "scale", "wrong")]
+    names = [
+        n for n in rows[0] if n not in ("build", "mission", "seabed", "seed", "scale", "wrong")
+    ]
     accepted = sum(row["accepted"] for row in rows)
     wrong = sum(row["wrong"] or 0 for row in rows)
     return {

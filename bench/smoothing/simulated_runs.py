@@ -32,9 +32,9 @@ OUTLIER_WINDOW, OUTLIER_THRESHOLD = 9, 8.0
 _MAD_TO_STD, _LEAST_STD_M = 1.4826, 0.05
 
 
-def simulated_run(seabed: str, seed: int, scale: float) -> SurveyRun:
+def simulated_run(seabed: str, seed: int, scale: float, mission_name: str = MISSION) -> SurveyRun:
     """Return the mission over the named seabed with 1 % outliers; its estimate: dead reckoning."""
-    mission = get_mission(MISSION, scale)
+    mission = get_mission(mission_name, scale)
     maker = SEABEDS[seabed]
     if maker is None:
         return as_run(simulate_survey(mission, seed, REAL_SEABED if seabed == "block_b" else None))
