@@ -1,9 +1,9 @@
 """What smoothing makes of dead reckoning alone, beside the ideal smoother, over seeds and seabeds.
 
 closures.md has a table of medians and one of every survey. A survey takes some seconds; those that
-closures.jsonl has already from this build of the smoother are not smoothed again. Of the environment,
-CLOSURE_SEEDS (10), CLOSURE_SCALE (0.64 of lolo3: some 22 minutes of survey) and CLOSURE_SEABEDS (all,
-the first so many) make it shorter; CLOSURE_MISSION is another mission than lolo3.
+closures.jsonl has already from this build are not smoothed again. Of the environment,
+CLOSURE_SEEDS (10), CLOSURE_SCALE (0.64 of lolo3: some 22 minutes of survey) and CLOSURE_SEABEDS
+(all, the first so many) make it shorter; CLOSURE_MISSION is another mission than lolo3.
 """
 
 from __future__ import annotations
