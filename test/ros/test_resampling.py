@@ -280,7 +280,8 @@ class ResamplingTest(unittest.TestCase):
         }
         for cloud in clouds.values():
             self.assertEqual(cloud.header.frame_id, "map")
-        self.assertEqual(points["mean"].shape, (20 * 15, 3))
+        self.assertEqual(points["mean"].shape, (20 * 15, 4))
+        self.assertEqual([f.name for f in clouds["mean"].fields], ["x", "y", "z", "rgb"])
         self.assertEqual([f.name for f in clouds["variance"].fields], ["x", "y", "z", "std"])
         self.assertEqual(points["inducing_points"].shape, (16, 3))
         self.assertTrue((points["variance"][:, 3] > 0).all())

@@ -21,8 +21,6 @@ from rbpf_svgp_slam.survey_area.polygon import survey_origin
 
 # Of the published map, whose grid is coarsened to that.
 MAX_POINTS = 40000
-# A map knows a place once its variance there is below this share of what it was at first.
-KNOWN_SHARE = 0.5
 # Points predicted between two training steps, which takes about as long as a step.
 CHUNK_POINTS = 1000
 
@@ -30,7 +28,7 @@ CHUNK_POINTS = 1000
 class MapPublisher:
     """Topics map/mean, map/variance and the map's support points, from the best particle's node.
 
-    Mean and variance are of places that beams have told of; the mean has the report's colours.
+    The mean has the report's colours.
 
     Works on the training thread, a moment between every two steps.
     """
@@ -87,9 +85,8 @@ class MapPublisher:
                 with self._store.exclusive():
                     mean[chunk], variance[chunk] = snapshot.predict(xy)
                 yield
-            known = variance < KNOWN_SHARE * snapshot.prior_variance_m2
-            points = np.column_stack([self._points, mean])[known]
+            points = np.column_stack([self._points, mean])
             xyz = dict(zip("xyz", points.T))
-            std = np.sqrt(np.maximum(variance[known], 0.0))
+            std = np.sqrt(np.maximum(variance, 0.0))
             self._mean.publish(point_cloud(header, {**xyz, "rgb": packed_rgb(points_rgb(points))}))
             self._variance.publish(point_cloud(header, {**xyz, "std": std}))
