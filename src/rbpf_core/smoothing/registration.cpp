@@ -7,14 +7,13 @@
 #include <vector>
 
 #include "rbpf_core/rigid.hpp"
+#include "rbpf_core/smoothing/beams_on_map.hpp"
 #include "rbpf_core/smoothing/thinned.hpp"
 
 namespace rbpf_core::smoothing {
 
 namespace {
 
-// Beams have a Student-t likelihood of nu degrees of freedom about the map.
-constexpr double kDegreesOfFreedom = 4.0;
 // Beams that take part in the search, and in what follows.
 constexpr Eigen::Index kSearchBeams = 300;
 constexpr Eigen::Index kBeams = 1200;
@@ -34,15 +33,11 @@ constexpr double kLeastShare = 0.25;
 constexpr double kLeastBeams = 100;
 // RMS of the beams over the map's own noise.
 constexpr double kWorstFit = 2.5;
-// The map's own error, m, which beams share.
-constexpr double kMapError_m = 0.05;
 // Floors of a closure's standard deviations, m and rad.
 constexpr double kLeastStd_m = 0.05;
 constexpr double kLeastStd_rad = 0.003;
-// Correlation of both maps' slopes along a direction below which they tell nothing about it; and
-// the slope that stands for nothing.
+// Correlation of both maps' slopes along a direction below which they tell nothing about it.
 constexpr double kLeastCoherence = 0.3;
-constexpr double kLeastSlope = 1e-4;
 // Another place is ruled out if it is less likely than the best by so many nats.
 constexpr double kRuledOut = 5.0;
 // Squared distances in standard deviations: of places that are one and the same; and of a place

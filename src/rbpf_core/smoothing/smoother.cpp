@@ -290,8 +290,7 @@ const LocalMap& Smoother::mapOf(std::size_t k, const std::vector<Pose2>& poses) 
   return maps_.emplace(k, LocalMap(gather(track_, range, poses, k))).first->second;
 }
 
-// ---- the track
-// -----------------------------------------------------------------------------------
+// ---- the track ---------------------------------------------------------------------------------
 
 std::vector<Pose2> Smoother::posesOfPings() const {
   const std::vector<TrackNode>& nodes = track_.nodes();

@@ -9,6 +9,7 @@
 
 #include "gmrf/robust_spread.hpp"
 #include "rbpf_core/rigid.hpp"
+#include "rbpf_core/smoothing/beams_on_map.hpp"
 
 namespace rbpf_core::smoothing {
 
@@ -16,17 +17,13 @@ namespace {
 
 // Beams without which a pair tells nothing.
 constexpr std::size_t kLeastBeams = 20;
-// Beams have a Student-t likelihood of nu degrees of freedom about the map.
-constexpr double kDegreesOfFreedom = 4.0;
 // The beams of a cell of the map share its error and the relief below its grid: they count as so
 // many independent ones, as a share of a window's effective beams.
 constexpr double kShareOfCell = 0.05;
-// Errors that all beams of a pair share: of the map and the depth, m; of either sonar's roll, rad.
-constexpr double kMapError_m = 0.05;
+// Errors that all beams of a pair share: of the depth, m; of either sonar's roll, rad.
 constexpr double kDepthError_m = 0.06;
 constexpr double kRollError_rad = 0.001;
-// The slope that stands for nothing, and the one that holds a step back.
-constexpr double kLeastSlope = 1e-4;
+// The slope that holds a step back.
 constexpr double kDampingSlope = 1e-2;
 // Floors of standard deviations, m and rad.
 constexpr double kLeastStd_m = 0.02;
