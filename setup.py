@@ -16,6 +16,7 @@ setup(
             "rbpf_svgp_slam.figures",
             "rbpf_svgp_slam.gmrf",
             "rbpf_svgp_slam.importers",
+            "rbpf_svgp_slam.keeper",
             "rbpf_svgp_slam.map_node",
             "rbpf_svgp_slam.maps",
             "rbpf_svgp_slam.metrics",

@@ -29,6 +29,7 @@ SECTIONS = {
     "gmrf.filter": "bench.gmrf.filter",
     "smoothing.closures": "bench.smoothing.closures",
     "core.log_and_histories": "bench.core.log_and_histories",
+    "core.journal": "bench.core.journal",
     "core.ingest": "bench.core.ingest",
     "core.ingest_training": "bench.core.ingest_training",
     "core.weights_and_numbering": "bench.core.weights_and_numbering",

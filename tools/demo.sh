@@ -45,4 +45,5 @@ rosrun rbpf_svgp_slam simulate_survey.py --mission demo --seed "$seed" --out "$o
 echo "Replaying it $rate times faster than it was made ..."
 rosrun rbpf_svgp_slam run_launch.py replay.launch \
   bag:="$out/survey.bag" survey:="$out/survey.survey.yaml" terrain:="$out/survey.terrain.npz" \
-  config:="$ROOT/config/$config.yaml" out:="$out" rate:="$rate" rviz:="$rviz"
+  config:="$ROOT/config/$config.yaml" out:="$out" rate:="$rate" rviz:="$rviz" \
+  overwrite:=true

@@ -86,6 +86,11 @@ Estimate FilterSnapshot::estimate() const {
   return estimate;
 }
 
+std::optional<Odometry> FilterSnapshot::latestOdometry() const {
+  if (!particles_) return std::nullopt;
+  return particles_->odometry;
+}
+
 std::vector<Pose2> FilterSnapshot::particles() const {
   return particles_ ? particles_->poses : std::vector<Pose2>{};
 }

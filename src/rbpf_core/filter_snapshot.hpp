@@ -107,6 +107,7 @@ class FilterSnapshot {
 
   // Its covariance is the particles' spread, or what is known otherwise where that is larger.
   Estimate estimate() const;
+  std::optional<Odometry> latestOdometry() const;
   std::vector<Pose2> particles() const;
   Eigen::ArrayXd logWeights() const { return *log_weights_; }  // [J], normalised
 

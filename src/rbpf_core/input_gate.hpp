@@ -56,6 +56,9 @@ class InputGate {
  public:
   explicit InputGate(const GateParams& params, double clock_offset_s = 0.0);
 
+  // Before the first message, of a survey that goes on: the last one that has passed.
+  void resume(const Odometry& last) { last_ = last; }
+
   // What is wrong with a message; nothing if it has passed.
   std::optional<Refusal> check(const Odometry& odometry, double receipt_s);
   std::optional<Refusal> checkPing(double stamp_s, const std::string& frame, double receipt_s);

@@ -22,6 +22,26 @@ double secondsSince(Clock::time_point start) {
 LoopClosing::LoopClosing(ParticleFilter& filter, Maps& maps, LoopClosingParams params)
     : filter_(filter), maps_(maps), params_(std::move(params)) {}
 
+void LoopClosing::resume(std::uint32_t epoch, const LoopClosingState& state) {
+  epoch_ = epoch;
+  last_prompt_s_ = state.last_prompt_s;
+  note([&](auto& statistics) {
+    statistics.prompts = state.prompts;
+    statistics.prompts_vetoed = state.prompts_vetoed;
+    statistics.prompts_skipped = state.prompts_skipped;
+    statistics.resamplings_failed = state.resamplings_failed;
+    statistics.moved = {state.maps_moved, state.bytes_moved};
+  });
+}
+
+void LoopClosing::tellObserver() {
+  if (observer_ == nullptr) return;
+  const LoopClosingStatistics now = statistics();
+  observer_->onChange(LoopClosingState{last_prompt_s_, now.prompts, now.prompts_vetoed,
+                                       now.prompts_skipped, now.resamplings_failed, now.moved.maps,
+                                       now.moved.bytes});
+}
+
 // ---- Algorithm 2 ---------------------------------------------------------------------------
 
 StepResult LoopClosing::step() {
@@ -33,6 +53,7 @@ StepResult LoopClosing::step() {
   }
   const PlacedPing ping = filter_.snapshot().latestPing().value();
   last_prompt_s_ = surveySecondsOf(ping.stamp_s);
+  tellObserver();  // before it is weighed: whoever resumes would weigh it once more
   if (const std::string why = whyNotReady(); !why.empty()) {
     skip(why);
     return {StepOutcome::kNotReady};

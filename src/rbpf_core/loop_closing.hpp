@@ -67,6 +67,11 @@ class LoopClosing {
  public:
   LoopClosing(ParticleFilter& filter, Maps& maps, LoopClosingParams params);
 
+  // Before the first step, of a survey that goes on: where it was. epoch: resamplings committed.
+  void resume(std::uint32_t epoch, const LoopClosingState& state);
+  // Before the first step: is told before each prompt; null: nobody is.
+  void observe(ChangeObserver* observer) { observer_ = observer; }
+
   // Weighs the fixes that have come, whether a prompt is due or not: the N_eff rule is asked after
   // them too, as soon as maps are ready. Then
   // Algorithm 2, if the latest ping is at least 1/rate younger than the last prompt's, gaps in the
@@ -94,6 +99,7 @@ class LoopClosing {
   LoopClosingStatistics statistics() const;
 
  private:
+  void tellObserver();
   void weighFixes();
   StepResult resampleIfDue(const StepResult& otherwise);
   // A stamp on a clock that stands still in gaps.
@@ -110,9 +116,10 @@ class LoopClosing {
   const LoopClosingParams params_;
   std::atomic<std::uint32_t> epoch_{0};
   std::atomic<bool> resampling_{false};
-  // Survey seconds of the last prompt's ping.
+  ChangeObserver* observer_ = nullptr;
   // Fixes have been weighed since the N_eff rule was asked.
   bool fixes_weighed_ = false;
+  // Survey seconds of the last prompt's ping.
   double last_prompt_s_ = -std::numeric_limits<double>::infinity();
   mutable std::mutex mutex_;  // guards statistics_
   LoopClosingStatistics statistics_;

@@ -59,10 +59,20 @@ ParticleFilter::ParticleFilter(const FilterParams& params)
   published_.refused_ = refused_;
 }
 
+void ParticleFilter::observe(ChangeObserver* observer) {
+  const std::lock_guard lock(writer_mutex_);
+  observer_ = observer;
+}
+
+void ParticleFilter::settle() {
+  if (ChangeObserver* observer = observer_) observer->settle();
+}
+
 // ---- odometry: the particles move ----------------------------------------------------------
 
 void ParticleFilter::addOdometry(const Odometry& odometry) {
   const WriterLock lock(this);
+  tell(odometry);
   expectUsable(odometry);
   if (recent_.empty()) {
     odometry_use_.start(odometry);
@@ -83,6 +93,8 @@ void ParticleFilter::addOdometry(const Odometry& odometry) {
 
 void ParticleFilter::keepOdometrySince(std::optional<double> stamp_s) {
   const std::lock_guard lock(writer_mutex_);
+  if (stamp_s == keep_since_s_) return;
+  tell(OdometryKept{stamp_s});
   keep_since_s_ = stamp_s;
 }
 
@@ -136,6 +148,7 @@ StampedParticles ParticleFilter::propagate(const StampedParticles& from, const O
 
 void ParticleFilter::addPing(Ping ping) {
   const WriterLock lock(this);
+  tell(ping);
   if (!std::isfinite(ping.stamp_s)) {
     throw refuse(InputKind::kPing, Reason::kNotFinite, "ping's stamp is not finite");
   }
@@ -245,12 +258,7 @@ void ParticleFilter::takeIn(const Ping& ping) {
 }
 
 Eigen::ArrayXd ParticleFilter::weights() const {
-  std::shared_ptr<const Eigen::ArrayXd> log_weights;
-  {
-    const std::lock_guard lock(published_mutex_);  // they are set without being the writer
-    log_weights = published_.log_weights_;
-  }
-  return log_weights->exp();
+  return published_.log_weights_->exp();  // only writers replace them
 }
 
 bool ParticleFilter::isHeldOut(std::size_t ping) const {
@@ -272,6 +280,7 @@ void ParticleFilter::releaseHeldBack() {
 
 void ParticleFilter::finish() {
   const WriterLock lock(this);
+  tell(SurveyFinished{});
   finished_ = true;
   refuse(InputKind::kPing, Reason::kNoOdometry, "the survey ended before odometry for a ping came",
          waiting_.size());
@@ -292,8 +301,9 @@ void ParticleFilter::setLogWeights(const Eigen::ArrayXd& log_weights) {
                                 (log_weights.allFinite() ? "" : ", some not finite"));
   }
   auto weights = std::make_shared<const Eigen::ArrayXd>(log_weights);
-  const std::lock_guard lock(published_mutex_);
-  published_.log_weights_ = std::move(weights);
+  WriterLock lock(this);
+  tell(WeightsSet{log_weights});
+  lock.new_log_weights = std::move(weights);
 }
 
 template <typename Prepare, typename Change, typename Commit>
@@ -338,13 +348,16 @@ void ParticleFilter::resample(const std::vector<std::uint32_t>& ancestors) {
         for (std::size_t j = 0; j < ancestors.size(); ++j) (*after)[j] = before[ancestors[j]];
       },
       [&](TrajectoryHistories::PreparedResampling prepared, WriterLock* lock) {
+        tell(Resampled{ancestors});
         histories_.commitResampling(std::move(prepared));
         lock->new_log_weights = std::move(weights);
       });
+  settle();
 }
 
 void ParticleFilter::setKnownError(const KnownError& error) {
   const WriterLock lock(this);
+  tell(error);
   known_error_ = error;
 }
 
@@ -363,10 +376,12 @@ void ParticleFilter::correctPast(const PastCorrection& correction) {
         for (Pose2& pose : *poses) pose = move(correction.of_rest, pose);
       },
       [&](TrajectoryHistories::PreparedCorrection prepared, WriterLock*) {
+        tell(correction);
         histories_.commitCorrection(std::move(prepared));
         bias_ = correction.bias;
         if (correction.maps_follow) ++past_;
       });
+  settle();
 }
 
 std::vector<RigidMotion> ParticleFilter::motionsBySlot(const PastCorrection& correction,

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "rbpf_core/change.hpp"
 #include "rbpf_core/filter_params.hpp"
 #include "rbpf_core/filter_snapshot.hpp"
 #include "rbpf_core/past_correction.hpp"
@@ -26,6 +27,9 @@ namespace rbpf_core {
 class ParticleFilter {
  public:
   explicit ParticleFilter(const FilterParams& params);
+
+  // From now on it is told of everything that changes the filter, in that order; null: nobody is.
+  void observe(ChangeObserver* observer);
 
   // Moves every particle on and takes in the pings that waited for it. Refused: what is not finite
   // or not later than the message before.
@@ -91,6 +95,10 @@ class ParticleFilter {
   };
 
   // All of these expect the writers' mutex to be held.
+  template <typename T>
+  void tell(const T& change) {
+    if (observer_ != nullptr) observer_.load()->onChange(Change(change));
+  }
   void expectUsable(const Odometry& odometry);
   StampedParticles startAt(const Odometry& odometry) const;
   StampedParticles propagate(const StampedParticles& from, const Odometry& odometry);
@@ -116,6 +124,8 @@ class ParticleFilter {
   //   commit(what was prepared, writers' lock), when only an exchange of pointers is left.
   template <typename Prepare, typename Change, typename Commit>
   void replacePast(const Prepare& prepare, const Change& change, const Commit& commit);
+  // Expects no lock but resampling_mutex_: map nodes hear of what follows.
+  void settle();
   // Throws std::invalid_argument if there are motions for more pings.
   std::vector<RigidMotion> motionsBySlot(const PastCorrection& correction, std::size_t pings) const;
 
@@ -123,6 +133,9 @@ class ParticleFilter {
 
   // One resampling or correction at a time; taken before the writers'.
   std::mutex resampling_mutex_;
+
+  // Also read where no lock is held: set before threads are there, and null after them.
+  std::atomic<ChangeObserver*> observer_{nullptr};
 
   std::mutex writer_mutex_;  // guards what follows
   std::vector<RandomStream> motion_streams_;

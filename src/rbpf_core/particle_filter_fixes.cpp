@@ -21,6 +21,7 @@ std::string nameOf(const Fix& fix) { return "fix of stamp " + decimal(fix.stamp_
 
 void ParticleFilter::addFix(const Fix& fix) {
   const WriterLock lock(this);
+  tell(fix);
   const std::string name = nameOf(fix);
   expectUsable(fix, name);
   if (!recent_.empty() && fix.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(fix);
@@ -95,6 +96,7 @@ void ParticleFilter::expectAgreement(const Fix& fix, const std::string& name,
 
 std::vector<ParticleFilter::FixToWeigh> ParticleFilter::takeFixesToWeigh() {
   const std::lock_guard lock(writer_mutex_);
+  if (!to_weigh_.empty()) tell(FixesTaken{});
   return std::exchange(to_weigh_, {});
 }
 

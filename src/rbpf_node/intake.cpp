@@ -41,6 +41,15 @@ void Intake::setClockOffset(double offset_s) {
   gate_.emplace(params_.gate, offset_s);
 }
 
+void Intake::resume() {
+  const std::lock_guard lock(mutex_);
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
+  if (const auto last = filter.latestOdometry()) last_odometry_ = ros::Time(last->stamp_s);
+  for (; pings_seen_ < filter.pings(); ++pings_seen_) {
+    checks_.add(filter.survey(pings_seen_, 1).front());
+  }
+}
+
 // Live, stamps that lie long ago from the first one on are those of a bag that is played by its own
 // time; those of a clock that has not been set are not taken for such.
 rbpf_core::InputGate& Intake::gate(double stamp_s, double receipt_s) {
@@ -51,7 +60,9 @@ rbpf_core::InputGate& Intake::gate(double stamp_s, double receipt_s) {
     offset_s = -behind_s;
     ROS_WARN("Stamps lie %.0f s behind this computer's clock: taken for those of a bag.", behind_s);
   }
-  return gate_.emplace(params_.gate, offset_s);
+  gate_.emplace(params_.gate, offset_s);
+  if (const auto last = filter_.snapshot().latestOdometry()) gate_->resume(*last);
+  return *gate_;
 }
 
 // ---- odometry ------------------------------------------------------------------------------

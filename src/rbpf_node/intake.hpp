@@ -45,6 +45,9 @@ class Intake {
   Intake(const Parameters& params, Input input, const tf2_ros::Buffer& transforms,
          rbpf_core::ParticleFilter* filter);
 
+  // Before anything is taken in: what the filter holds already is not new.
+  void resume();
+
   // Of a bag, before anything is taken in: how far its stamps lie ahead of its record times.
   void setClockOffset(double offset_s);
 

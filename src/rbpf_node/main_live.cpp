@@ -32,8 +32,12 @@ int main(int argc, char** argv) {
     // Input has a thread of its own: it never waits for services, publications or the map nodes.
     rbpf_node::Spinning spinning;
     const auto params = rbpf_node::loadParameters(spinning.node());
+    const auto journal = rbpf_node::loadJournalParameters(spinning.privateNode());
     rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
                              rbpf_node::Input::kLive);
+    if (!journal.path.empty()) {
+      slam.keepJournal(journal, rbpf_node::parametersAsXml(spinning.node()));
+    }
     const tf2_ros::TransformListener listener(slam.transforms());
     rbpf_node::Door door(&slam);
     ros::NodeHandle& input = spinning.inputNode();

@@ -50,6 +50,12 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
                                          [this](const ros::WallTimerEvent&) { publishOverview(); });
 }
 
+void SlamNode::keepJournal(const JournalParameters& params, const std::string& settings) {
+  journal_.emplace(params, settings, &filter_, &loop_closing_);
+  intake_.resume();
+  diagnostics_.add("journal", [this](auto& report) { diagnoseJournal(report); });
+}
+
 // ---- input ---------------------------------------------------------------------------------
 
 void SlamNode::handle(const OdometryInput& input, double receipt_s) {
@@ -255,6 +261,18 @@ void SlamNode::diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report)
                     params_.filter.particles);
   }
   report.add("training steps", maps.steps);
+}
+
+void SlamNode::diagnoseJournal(diagnostic_updater::DiagnosticStatusWrapper& report) const {
+  using diagnostic_msgs::DiagnosticStatus;
+  const std::string problem = journal_->problem();
+  if (problem.empty()) {
+    report.summary(DiagnosticStatus::OK, "the survey can be resumed");
+  } else {
+    report.summary(DiagnosticStatus::ERROR, "the journal has ended: " + problem);
+  }
+  report.add("file", journal_->path());
+  report.add("MB", static_cast<double>(journal_->bytes()) / 1e6);
 }
 
 }  // namespace rbpf_node

@@ -14,6 +14,7 @@
 #include "rbpf_node/publishers.hpp"
 #include "rbpf_node/services.hpp"
 #include "rbpf_node/smoothing_worker.hpp"
+#include "rbpf_node/survey_journal.hpp"
 
 namespace rbpf_node {
 
@@ -22,6 +23,10 @@ class SlamNode {
   // Timers go on `node`'s callback queue, services on `private_node`'s.
   SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
            Input input);
+
+  // Before anything is taken in: resumes the survey of a journal, if so told, and keeps it. Throws
+  // as SurveyJournal does.
+  void keepJournal(const JournalParameters& params, const std::string& settings);
 
   // receipt_s: when the message came, or was recorded. Throws Refusal.
   void handle(const OdometryInput& input, double receipt_s);
@@ -53,11 +58,13 @@ class SlamNode {
   void diagnoseSurvey(diagnostic_updater::DiagnosticStatusWrapper& report) const;
   void diagnoseFilter(diagnostic_updater::DiagnosticStatusWrapper& report) const;
   void diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const;
+  void diagnoseJournal(diagnostic_updater::DiagnosticStatusWrapper& report) const;
 
   const Parameters params_;
   rbpf_core::ParticleFilter filter_;
   MapNodes maps_;
   rbpf_core::LoopClosing loop_closing_;
+  std::optional<SurveyJournal> journal_;
   const Input input_;
   SmoothingWorker smoothing_;
   Services services_;

@@ -227,14 +227,22 @@ OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree) {
           {reader.text("~odom_topic"), reader.text("~ping_topic"), reader.text("~fix_topic")}};
 }
 
-Parameters loadParameters(const ros::NodeHandle& node) {
+namespace {
+
+XmlRpc::XmlRpcValue treeOf(const ros::NodeHandle& node) {
   XmlRpc::XmlRpcValue tree;
   if (!node.getParam("rbpf_svgp_slam", tree)) {
     ParameterReader::fail(node.resolveName("rbpf_svgp_slam"), "missing",
                           "config/default.yaml to be loaded there");
   }
-  return validParameters(tree);
+  return tree;
 }
+
+}  // namespace
+
+Parameters loadParameters(const ros::NodeHandle& node) { return validParameters(treeOf(node)); }
+
+std::string parametersAsXml(const ros::NodeHandle& node) { return treeOf(node).toXml(); }
 
 OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node) {
   XmlRpc::XmlRpcValue tree;

@@ -62,6 +62,8 @@ OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree);
 // Read the tree from the parameter server, and check it: the namespace `rbpf_svgp_slam` of the
 // node's own namespace; ~bag, ~odom_topic, ~ping_topic, ~fix_topic and ~take_turns.
 Parameters loadParameters(const ros::NodeHandle& node);
+// The tree as the parameter server writes it, XML-RPC, for who reads it later.
+std::string parametersAsXml(const ros::NodeHandle& node);
 OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node);
 
 }  // namespace rbpf_node

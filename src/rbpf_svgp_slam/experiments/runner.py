@@ -134,7 +134,8 @@ def _run(
     config = folder / "config.yaml"
     config.write_text(yaml.safe_dump(settings["parameters"]))
     command = ["roslaunch", "--no-summary", PACKAGE]
-    command += ["replay.launch", f"rate:={options.rate}"] if plan.live else ["offline.launch"]
+    live = ["replay.launch", f"rate:={options.rate}", "overwrite:=true"]
+    command += live if plan.live else ["offline.launch"]
     command += [f"bag:={bag}", f"config:={config}", f"out:={folder}"]
     command += [f"terrain:={bag.with_suffix('.terrain.npz')}"]
     # As they are now: the tree may change while a long run goes on.

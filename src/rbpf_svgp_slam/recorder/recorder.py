@@ -30,6 +30,7 @@ from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import nothing_taken_in
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
 from rbpf_svgp_slam.recorder.seabed_publisher import SeabedPublisher
+from rbpf_svgp_slam.recorder.survey_client import finish_survey
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 from rbpf_svgp_slam.run.run_files import save_run
 
@@ -41,7 +42,8 @@ PATH_POSES = 4000
 STATUS_PATIENCE_S = 10.0
 # With maps that have still to follow the last correction of the past, after the final training.
 FOLLOWING_PATIENCE_S = 30.0
-FAILURES = (RuntimeError, ValueError, OSError, rosbag.ROSBagException, rospy.ServiceException)
+FAILURES = (RuntimeError, ValueError, OSError, rosbag.ROSBagException)
+FAILURES += (rospy.ServiceException, rospy.ROSException)
 
 
 def start() -> int | str:
@@ -159,7 +161,7 @@ class Recorder:
         progress.end()
 
     def _finish_survey(self) -> None:
-        rospy.ServiceProxy(names.FINISH, Trigger)()
+        finish_survey()
         self._recording.wall_s = time.monotonic() - (self._started_s or time.monotonic())
         rest_s = self._recording.parameters.output.final_training_s
         rospy.loginfo("Survey over; training on the whole log for %.0f s more.", rest_s)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 import rospy
+from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.shares import owner
@@ -13,6 +15,8 @@ from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.srv import GetClosures, GetMaps, GetPings
 
 PINGS_A_CALL = 1000
+# With a core that is started again, and reads its journal first.
+CORE_PATIENCE_S, RETRY_S = 60.0, 0.5
 
 
 @dataclass
@@ -31,6 +35,23 @@ class Survey:
     held_out: np.ndarray  # [P] bool
     ping_of_beam: np.ndarray  # [N]
     levelled: np.ndarray  # [N, 3] x, y in the levelled body frame, z in map, m
+
+
+def finish_survey() -> None:
+    """Tell the core that the survey is over. One that has died is waited for: it is started again.
+
+    Raises rospy.ROSException or rospy.ServiceException if it does not come back.
+    """
+    give_up_s = time.monotonic() + CORE_PATIENCE_S
+    while True:
+        try:
+            rospy.wait_for_service(names.FINISH, timeout=CORE_PATIENCE_S)
+            rospy.ServiceProxy(names.FINISH, Trigger)()
+            return
+        except rospy.ServiceException:
+            if time.monotonic() > give_up_s or rospy.is_shutdown():
+                raise
+            time.sleep(RETRY_S)
 
 
 def fetch_survey() -> Survey:

@@ -1,0 +1,52 @@
+// The live node's journal: where it is, and a survey that goes on from it.
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <memory>
+#include <string>
+
+#include "rbpf_core/journal/journal_writer.hpp"
+#include "rbpf_core/journal/resume.hpp"
+#include "rbpf_core/loop_closing.hpp"
+
+namespace rbpf_node {
+
+// Private parameters of the live node.
+struct JournalParameters {
+  // ~journal: the file; empty: none is kept.
+  std::string path;
+  // ~resume: the survey goes on where the file ends.
+  bool resume = false;
+  // ~overwrite: a file that is there already is lost. Otherwise it is refused.
+  bool overwrite = false;
+};
+
+// Throws std::invalid_argument that names the parameter, its value and what was expected.
+JournalParameters validJournalParameters(const XmlRpc::XmlRpcValue& tree);
+JournalParameters loadJournalParameters(const ros::NodeHandle& private_node);
+
+class SurveyJournal {
+ public:
+  // Brings filter and loop closing to where the journal ends if it is to be resumed, and writes
+  // down from now on what changes them; neither has begun yet. settings: all parameters, for who
+  // reads the journal. Throws std::runtime_error as JournalWriter and resumeFrom do.
+  SurveyJournal(const JournalParameters& params, const std::string& settings,
+                rbpf_core::ParticleFilter* filter, rbpf_core::LoopClosing* loop_closing);
+  ~SurveyJournal();
+
+  const std::string& path() const { return path_; }
+  std::uint64_t bytes() const { return writer_->bytes(); }
+  // Why it has ended before its time; empty: it goes on.
+  std::string problem() const { return writer_->problem(); }
+
+ private:
+  void resume();
+
+  const std::string path_;
+  rbpf_core::ParticleFilter& filter_;
+  rbpf_core::LoopClosing& loop_closing_;
+  std::unique_ptr<rbpf_core::JournalWriter> writer_;
+};
+
+}  // namespace rbpf_node

@@ -1,0 +1,72 @@
+"""Runs the core, and runs it again where a signal has ended it.
+
+roslaunch's own respawn cannot tell a core that was killed from one that will never start, as with a
+wrong parameter: that would be started again for ever.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from typing import Sequence
+
+from roslib.packages import find_node
+
+from rbpf_svgp_slam.processes import end_with_parent
+
+PACKAGE, PROGRAM = "rbpf_svgp_slam", "rbpf_core"
+#: The core's private parameter: go on where the journal ends.
+RESUME = "_resume:=true"
+#: A core that dies so often within so long will not live.
+MOST_DEATHS, DEATHS_WITHIN_S = 5, 60.0
+# To end by itself once it has been told to; roslaunch gives us 15 s.
+PATIENCE_S = 10.0
+
+
+def keep_core(arguments: Sequence[str]) -> int | str:
+    """Run the core until it ends by itself or we are told to; returns what sys.exit() takes."""
+    found = find_node(PACKAGE, PROGRAM)
+    if not found:
+        return f"keep_core: {PACKAGE} has no program {PROGRAM}; is it built?"
+    return keep([found[0], *arguments])
+
+
+def keep(command: Sequence[str]) -> int | str:
+    """As above. Once a signal has ended it, the command gets one more argument, RESUME."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    deaths: list[float] = []
+    child = None
+    try:
+        while True:
+            child = _start([*command, RESUME] if deaths else command)
+            status = child.wait()
+            if status >= 0:
+                return status
+            deaths.append(time.monotonic())
+            what = f"{PROGRAM} was killed by {signal.Signals(-status).name}"
+            if len(deaths) >= MOST_DEATHS and deaths[-1] - deaths[-MOST_DEATHS] < DEATHS_WITHIN_S:
+                return f"{what}, {MOST_DEATHS} times within {DEATHS_WITHIN_S:.0f} s: it is given up"
+            print(f"{what}: it is started again, and resumes from its journal", flush=True)
+    except KeyboardInterrupt:
+        return _stop(child)
+
+
+def _start(command: Sequence[str]) -> subprocess.Popen:
+    # In a session of its own: roslaunch interrupts our whole process group, and we pass it on.
+    return subprocess.Popen(command, start_new_session=True, preexec_fn=end_with_parent)
+
+
+def _stop(child: subprocess.Popen | None) -> int:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    if child is None or child.poll() is not None:
+        return 0
+    child.send_signal(signal.SIGINT)
+    try:
+        return max(0, child.wait(PATIENCE_S))
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+        return 1
