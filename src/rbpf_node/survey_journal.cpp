@@ -20,10 +20,15 @@ void tellFailure(const std::string& why) {
 
 }  // namespace
 
-JournalParameters validJournalParameters(const XmlRpc::XmlRpcValue& tree) {
+JournalParameters validJournalParameters(XmlRpc::XmlRpcValue tree) {
   ParameterReader reader(tree);
-  JournalParameters params{reader.text("~journal"), reader.boolean("~resume"),
-                           reader.boolean("~overwrite")};
+  JournalParameters params;
+  const XmlRpc::XmlRpcValue& journal = tree["~journal"];
+  const bool is_none = journal.getType() == XmlRpc::XmlRpcValue::TypeString &&
+                       static_cast<const std::string&>(journal).empty();
+  if (!is_none) params.path = reader.text("~journal");
+  params.resume = reader.boolean("~resume");
+  params.overwrite = reader.boolean("~overwrite");
   if (!params.path.empty() && params.path.front() != '/') {
     ParameterReader::fail("~journal", params.path, "an absolute path: nodes run in ROS's folder");
   }

@@ -23,7 +23,7 @@ struct JournalParameters {
 };
 
 // Throws std::invalid_argument that names the parameter, its value and what was expected.
-JournalParameters validJournalParameters(const XmlRpc::XmlRpcValue& tree);
+JournalParameters validJournalParameters(XmlRpc::XmlRpcValue tree);
 JournalParameters loadJournalParameters(const ros::NodeHandle& private_node);
 
 class SurveyJournal {

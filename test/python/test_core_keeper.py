@@ -10,7 +10,9 @@ import pytest
 from rbpf_svgp_slam.keeper import core_keeper
 
 #: Runs `keep` in a process of its own, which may be interrupted.
-KEEP = "import sys; from rbpf_svgp_slam.keeper.core_keeper import keep; sys.exit(keep(sys.argv[1:]))"
+KEEP = (
+    "import sys; from rbpf_svgp_slam.keeper.core_keeper import keep; sys.exit(keep(sys.argv[1:]))"
+)
 
 
 def shell(script):

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Short surveys end to end: simulate, launch what is shipped, look at what it leaves behind."""
 
+import contextlib
 import json
+import os
 import re
 import shlex
 import signal
@@ -10,6 +12,7 @@ import sys
 import tempfile
 import time
 import unittest
+import xmlrpc.client
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +23,7 @@ import rostest
 import yaml
 from std_srvs.srv import Trigger
 
+from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.run.tracks import read_tum
 
 PACKAGE = Path(rospkg.RosPack().get_path("rbpf_svgp_slam"))
@@ -66,6 +70,26 @@ def launch(file, *args, timeout_s=120):
             output, _ = running.communicate()
             output += f"\nstill running after {timeout_s} s"
         return running.returncode, output
+
+
+@contextlib.contextmanager
+def running_launch(file, *args):
+    """A launch file that goes on, and its output; ended, if need be, when it is left."""
+    with tempfile.NamedTemporaryFile(suffix=".log") as log:
+        command = ["roslaunch", "--no-summary", "rbpf_svgp_slam", file, *args]
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
+        try:
+            yield process, Path(log.name)
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+                process.wait()
+
+
+def pid_of(node):
+    uri = rosgraph.Master("/test_surveys").lookupNode(node)
+    _, _, pid = xmlrpc.client.ServerProxy(uri).getPid("/test_surveys")
+    return pid
 
 
 class Surveys(unittest.TestCase):
@@ -205,6 +229,54 @@ class Surveys(unittest.TestCase):
         finally:
             running.terminate()
             running.wait(30)
+
+    def test_a_survey_survives_its_core_and_then_its_launch(self):
+        args = ["replay.launch", f"bag:={self.bag}", *self.common_args(), "rate:=4"]
+        with running_launch(*args) as (replay, log):
+            status = self.status_with(lambda s: s.prompts > 0 and s.pings > 100, log)
+            os.kill(pid_of("/rbpf_core"), signal.SIGKILL)
+            before, status = status, self.status_with(lambda s: s.pings > status.pings + 30, log)
+            replay.send_signal(signal.SIGINT)
+            self.assertEqual(replay.wait(60), 0)
+        output = log.read_text()
+        self.assertIn("rbpf_core was killed by SIGKILL: it is started again", output)
+        resumed = int(re.search(r"Resumed .*survey.journal: (\d+) pings", output).group(1))
+        # a ping is safe as soon as it is taken in
+        self.assertGreaterEqual(resumed, before.pings)
+        self.assertGreaterEqual(status.prompts, before.prompts)
+        self.assertGreaterEqual(status.epoch, before.epoch)
+        # and so is the run once the launch has ended before its time
+        self.assertFalse((self.out / "report.json").exists())
+        recover = ["rosrun", "rbpf_svgp_slam", "recover_run.py", self.out]
+        recovered = subprocess.run(recover, capture_output=True, text=True)
+        self.assertEqual(recovered.returncode, 0, recovered.stdout + recovered.stderr)
+        report = json.loads((self.out / "report.json").read_text())
+        self.assertGreaterEqual(report["pings"], status.pings)
+        self.assertIsNotNone(report["ate_rmse_m"])
+        self.setUp()  # parameters
+        args = [*self.common_args()[:2], f"resume:={self.out}"]
+        with running_launch("slam.launch", *args) as (_, log):
+            resumed = self.status_with(lambda s: s.pings > 0, log)
+        self.assertEqual(resumed.pings, report["pings"])
+        # another survey must not be written over it by mistake
+        _, output = launch("slam.launch", *self.common_args(), timeout_s=60)
+        self.assertIn("survey.journal is there already", output)
+
+    def status_with(self, is_wanted, log, patience_s=60):
+        """The first status of the core that is wanted."""
+        found = []
+
+        def take(status):
+            if not found and is_wanted(status):
+                found.append(status)
+
+        subscriber = rospy.Subscriber("/rbpf_core/status", FilterStatus, take)
+        deadline_s = time.monotonic() + patience_s
+        while not found and time.monotonic() < deadline_s:
+            time.sleep(0.05)
+        subscriber.unregister()
+        self.assertTrue(found, log.read_text())
+        return found[0]
 
     def test_wrong_parameters_stop_the_start(self):
         wrong = {

@@ -14,6 +14,7 @@ import numpy as np
 from rbpf_svgp_slam import _journal
 from rbpf_svgp_slam.evaluation.report import write_report
 from rbpf_svgp_slam.exports.after_run import export_after_run
+from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.run.run_files import load_run, save_run
 from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
 from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum
@@ -27,7 +28,6 @@ parameters.yaml, report.json and report.html, and for a map the seabed that the 
 the particles' own maps are lost. DIR/ground_truth.tum, if it is there, is taken to score the track.
 The journal stays as it is: the survey can still be resumed, by slam.launch resume:=DIR."""
 
-JOURNAL = "survey.journal"
 #: Of ground truth; a longer gap is not bridged.
 _GAP_S = 5.0
 #: In the report of a recovered run: the journal that it is made of. Such a run may be made again.
@@ -58,7 +58,7 @@ def recover(folder: Path, out_dir: Path) -> str:
     Raises RuntimeError where there is no journal that can be read, ValueError where it holds no
     ping or the folder has a run already.
     """
-    journal = folder / JOURNAL
+    journal = folder / names.JOURNAL
     _refuse_to_overwrite(out_dir)
     survey = _journal.read(str(journal))
     run = _run(survey, journal, _ground_truth(folder / "ground_truth.tum", survey["stamp_s"]))

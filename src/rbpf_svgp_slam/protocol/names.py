@@ -19,6 +19,8 @@ MAP_VARIANCE = "map/variance"
 MAP_SUPPORT_POINTS = "map/inducing_points"
 #: The seabed of the final trajectory, published by the recorder.
 MAP_SEABED = "map/seabed"
+#: File of a run folder in which the core keeps what has changed the survey.
+JOURNAL = "survey.journal"
 #: Plays a bag for replay.launch. Its parameters: rosbag play's exit status, PLAYING before it has
 #: ended, and what went wrong.
 PLAYER = "player"

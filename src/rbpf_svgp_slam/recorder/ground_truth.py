@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from pathlib import Path
 from typing import Any, Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rbpf_svgp_slam.run.tracks import interpolate_poses
+from rbpf_svgp_slam.run.tracks import interpolate_poses, write_tum
 
 #: Where a message of each type has its pose. Others are refused.
 POSE_OF: dict[str, Callable[[Any], Any]] = {
@@ -48,6 +49,13 @@ class GroundTruth:
     def track(self) -> np.ndarray | None:
         """Rows [K, 7] of stamp and pose by stamp; none if nothing was taken in."""
         return np.asarray(sorted(self._rows)) if self._rows else None
+
+    def save(self, path: Path) -> None:
+        """All poses as a TUM file; nothing if there are none."""
+        track = self.track()
+        if track is not None:
+            _, first = np.unique(track[:, 0], return_index=True)
+            write_tum(path, track[first, 0], track[first, 1:])
 
     def at(self, stamp_s: np.ndarray) -> np.ndarray | None:
         """Poses [P, 6] at stamps [P], NaN where there are none near; none without any track."""

@@ -100,9 +100,17 @@ class Recorder:
             self._record()
         except FAILURES as error:
             rospy.logfatal("No report: %s", error)
-            self.farewell = f"No report: {error}"
+            self.farewell = f"No report: {error}{self._way_out()}"
             return 1
         return 0
+
+    def _way_out(self) -> str:
+        """Of a survey that has a journal; keeps what the journal does not have."""
+        out_dir = self._recording.out_dir
+        if self._private.offline or not (out_dir / names.JOURNAL).is_file():
+            return ""
+        self._recording.ground_truth.save(out_dir / "ground_truth.tum")
+        return f". recover_run.py {out_dir} makes one; slam.launch resume:={out_dir} goes on"
 
     def _record(self) -> None:
         source = self._source()
