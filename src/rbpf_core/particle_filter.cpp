@@ -381,7 +381,6 @@ void ParticleFilter::correctPast(const PastCorrection& correction) {
         bias_ = correction.bias;
         if (correction.maps_follow) ++past_;
       });
-  settle();
 }
 
 std::vector<RigidMotion> ParticleFilter::motionsBySlot(const PastCorrection& correction,

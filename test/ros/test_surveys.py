@@ -238,12 +238,13 @@ class Surveys(unittest.TestCase):
             before, status = status, self.status_with(lambda s: s.pings > status.pings + 30, log)
             replay.send_signal(signal.SIGINT)
             self.assertEqual(replay.wait(60), 0)
-        output = log.read_text()
+            output = log.read_text()
         self.assertIn("rbpf_core was killed by SIGKILL: it is started again", output)
         resumed = int(re.search(r"Resumed .*survey.journal: (\d+) pings", output).group(1))
         # a ping is safe as soon as it is taken in
         self.assertGreaterEqual(resumed, before.pings)
-        self.assertGreaterEqual(status.prompts, before.prompts)
+        # of the prompt that it may have died in nothing is known
+        self.assertGreaterEqual(status.prompts, before.prompts - 1)
         self.assertGreaterEqual(status.epoch, before.epoch)
         # and so is the run once the launch has ended before its time
         self.assertFalse((self.out / "report.json").exists())
