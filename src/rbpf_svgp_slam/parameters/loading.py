@@ -59,6 +59,7 @@ class OutputParameters:
 
     final_training_s: float
     publish_rate_hz: float
+    figures: bool
     time_lapse_period_s: float
 
 
@@ -103,6 +104,7 @@ RULES = {
     "map/publish_period_s": at_least(0.0),
     "output/final_training_s": at_least(0.0),
     "output/publish_rate_hz": between(0.01, 100.0),
+    "output/figures": of_type(bool),
     "output/time_lapse_period_s": at_least(0.0),
 }
 RECORDER_RULES = {
