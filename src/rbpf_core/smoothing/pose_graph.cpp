@@ -16,11 +16,11 @@ namespace {
 // Of survey, over which the biases are taken to be constant.
 constexpr double kBiasPeriod_s = 60.0;
 // Floors of standard deviations, so that what is known exactly can be weighted.
-constexpr double kFloorStd_m = 1e-3;
-constexpr double kFloorStd_rad = 1e-4;
+constexpr double kLeastStd_m = 1e-3;
+constexpr double kLeastStd_rad = 1e-4;
 // c^2 of the robust kernel of closures and fixes: w = 1 / (1 + chi^2 / c^2).
 constexpr double kKernel2 = 6.0;
-constexpr int kMostIterations = 30;
+constexpr int kIterations = 30;
 
 template <typename T>
 T wrapped(const T& angle) {
@@ -158,9 +158,9 @@ Eigen::Vector3d biasStd(const SmoothingParams& params) {
 Eigen::Matrix3d covarianceOf(const Pose2& moved, double duration_s, const MotionNoise& noise) {
   const double across_m = std::hypot(moved.x_m, moved.y_m);
   const double yaw2 =
-      std::max(noise.yaw_std_rad * noise.yaw_std_rad * duration_s, kFloorStd_rad * kFloorStd_rad);
+      std::max(noise.yaw_std_rad * noise.yaw_std_rad * duration_s, kLeastStd_rad * kLeastStd_rad);
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  const double floor2 = kFloorStd_m * kFloorStd_m;
+  const double floor2 = kLeastStd_m * kLeastStd_m;
   covariance(0, 0) = std::max(noise.surge_std_m * noise.surge_std_m * duration_s, floor2);
   covariance(1, 1) = std::max(noise.sway_std_m * noise.sway_std_m * duration_s, floor2);
   covariance(2, 2) = yaw2;
@@ -200,8 +200,8 @@ PoseGraph::PoseGraph(const SmoothingParams& params, double stamp_s, const Pose2&
   poses_.push_back(vectorOf(start));
   stamps_s_.push_back(stamp_s);
   bias_of_node_.push_back(0);
-  const double position_std_m = std::max(params.start_position_std_m, kFloorStd_m);
-  const double yaw_std_rad = std::max(params.start_yaw_std_rad, kFloorStd_rad);
+  const double position_std_m = std::max(params.start_position_std_m, kLeastStd_m);
+  const double yaw_std_rad = std::max(params.start_yaw_std_rad, kLeastStd_rad);
   problem_->AddResidualBlock(
       new ceres::AutoDiffCostFunction<PoseError, 3, 3>(new PoseError{
           vectorOf(start), Eigen::Vector3d(position_std_m, position_std_m, yaw_std_rad)}),
@@ -287,7 +287,7 @@ void PoseGraph::solve() {
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   // CHOLMOD starts the threads of its BLAS, for blocks far too small for that.
   options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  options.max_num_iterations = kMostIterations;
+  options.max_num_iterations = kIterations;
   options.function_tolerance = 1e-5;
   options.num_threads = 1;
   options.logging_type = ceres::SILENT;
