@@ -228,6 +228,7 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kFarthest_m);
   params.final_training_s = reader.number("output/final_training_s", 0.0, kLongest_s);
   // for the recorder alone
+  reader.boolean("output/figures");
   reader.number("output/time_lapse_period_s", 0.0, kLongest_s);
   reader.integer("survey_epsg", 0, 999999);
   expectAgreement(params);

@@ -57,6 +57,7 @@ class OutputParameters:
 
     final_training_s: float
     publish_rate_hz: float
+    figures: bool
     time_lapse_period_s: float
 
 
@@ -104,6 +105,7 @@ RULES = {
     "map/publish_period_s": between(0.0, 1e9),
     "output/final_training_s": between(0.0, 1e9),
     "output/publish_rate_hz": between(0.01, 100.0),
+    "output/figures": of_type(bool),
     "output/time_lapse_period_s": between(0.0, 1e9),
 }
 RECORDER_RULES = {

@@ -121,7 +121,8 @@ class Recorder:
         save_run(run, self._recording.out_dir)
         # Before the report, which takes its time: RViz ends with the launch.
         self._seabed.publish(run)
-        report = write_report(run, self._recording.out_dir)
+        figures = self._recording.parameters.output.figures
+        report = write_report(run, self._recording.out_dir, figures=figures)
         export_after_run(self._recording.out_dir, run.config, rospy.logerr)
         self.farewell = summarise(report, self._recording.out_dir)
 
