@@ -41,8 +41,9 @@ int main(int argc, char** argv) {
     const auto pings = subscribe(input, "mbes/pings", rbpf_core::InputKind::kPing, &door);
     const auto fixes = subscribe(input, "fixes", rbpf_core::InputKind::kFix, &door);
     slam.maps().listen();
-    // a map node asks for minibatches and for blocks of beams; one more for who exports the survey
-    spinning.start(2 * params.nodes + 1);
+    // a map node asks for minibatches and for blocks of beams; one more each for who exports the
+    // survey, and who waits for a prompt or a smoothing
+    spinning.start(2 * params.nodes + 3);
     while (ros::ok()) {
       slam.closeLoops();
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "rbpf_core/decimal.hpp"
 #include "rbpf_core/resampling.hpp"
 
 namespace rbpf_node {
@@ -13,6 +14,8 @@ namespace {
 
 constexpr double kPromptErrorPeriod_s = 10.0;
 constexpr double kInputStale_s = 5.0;
+// Of who asks for a smoothing: maps may have to follow the last one first.
+constexpr double kSmoothingPatience_s = 300.0;
 
 double peakResidentMb() {
   rusage usage{};
@@ -38,8 +41,9 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
       services_(private_node, filter_, loop_closing_, smoothing_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()),
-      intake_(params, input, transforms_, &filter_) {
-  finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
+      intake_(params, input, transforms_, &filter_),
+      triggers_(private_node) {
+  advertiseTriggers();
   diagnostics_.setHardwareID("none");
   diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
   diagnostics_.add("survey", [this](auto& report) { diagnoseSurvey(report); });
@@ -65,21 +69,65 @@ void SlamNode::handle(PingInput input, double receipt_s) {
 
 void SlamNode::handle(const FixInput& input, double receipt_s) { intake_.take(input, receipt_s); }
 
-bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  finish();
-  // Offline there is nobody to wait for: the replay itself sees to the end.
-  if (input_ == Input::kLive) smoothing_.awaitLast([] { return !ros::ok(); });
-  response.success = true;
-  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
-  response.message =
-      std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams";
-  return true;
-}
-
 void SlamNode::finish() {
   intake_.finish();
   smoothing_.finish();
   if (input_ == Input::kBag) smoothing_.work();
+}
+
+// ---- what may be asked for -----------------------------------------------------------------
+
+// Of a bag nothing but its end: the same replay is to give the same result.
+void SlamNode::advertiseTriggers() {
+  triggers_.add("finish", [this] { return finishAndWait(); });
+  if (input_ == Input::kBag) return;
+  const auto is_ending = [] { return !ros::ok(); };
+  // all that a prompt may wait for, twice: a step may be under way
+  const double prompt_patience_s =
+      2.0 * (params_.loop_closure_timeout_s + 2.0 * params_.resampling_timeout_s);
+  triggers_.add("prompt", [=] { return asked_prompt_.ask(prompt_patience_s, is_ending); });
+  triggers_.add("smooth", [=] { return smoothing_.smoothNow(kSmoothingPatience_s, is_ending); });
+  triggers_.add("pause_mapping", [this] { return pauseMapping(true); });
+  triggers_.add("resume_mapping", [this] { return pauseMapping(false); });
+}
+
+Answer SlamNode::finishAndWait() {
+  finish();
+  // Offline there is nobody to wait for: the replay itself sees to the end.
+  if (input_ == Input::kLive) smoothing_.awaitLast([] { return !ros::ok(); });
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
+  return {true,
+          std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams"};
+}
+
+Answer SlamNode::promptNow() {
+  using rbpf_core::StepOutcome;
+  const rbpf_core::AskedPrompt asked = loop_closing_.promptNow();
+  std::string message;
+  if (asked.has_weighed) {
+    message = "N_eff was " + rbpf_core::decimal(asked.n_eff_before, 1) + ", is " +
+              rbpf_core::decimal(asked.n_eff_weighed, 1) + " of " +
+              std::to_string(params_.filter.particles) + " by this ping; ";
+    if (asked.outcome == StepOutcome::kResampled) {
+      message += asked.why.empty() ? "resampled" : "resampled, but ";
+    } else if (asked.outcome == StepOutcome::kPrompted) {
+      message +=
+          "not resampled: that is for N_eff below " +
+          rbpf_core::decimal(
+              params_.resampling_threshold * static_cast<double>(params_.filter.particles), 1);
+    }
+  } else {
+    message = "not weighed: ";
+  }
+  const bool went_well =
+      asked.outcome == StepOutcome::kPrompted || asked.outcome == StepOutcome::kResampled;
+  return {asked.has_weighed && went_well, message + asked.why};
+}
+
+Answer SlamNode::pauseMapping(bool pause) {
+  const bool was_paused = intake_.setPaused(pause);
+  const std::string what = pause ? "pings are not taken in" : "pings are taken in";
+  return {true, what + (was_paused == pause ? ", as before" : " from now on")};
 }
 
 // ---- loop closing --------------------------------------------------------------------------
@@ -93,6 +141,7 @@ bool SlamNode::haveMapsFollowed() const {
 void SlamNode::closeLoops() {
   using rbpf_core::StepOutcome;
   smoothing_.work();
+  if (asked_prompt_.isAsked()) asked_prompt_.answer(promptNow());
   const auto [outcome, problem] = loop_closing_.step();
   if (problem.empty()) return;
   if (outcome == StepOutcome::kFailed) {
@@ -151,6 +200,7 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
   status->past = filter.past();
   status->velocity_source = use.source() == rbpf_core::MotionSource::kTwist ? "twist" : "pose";
   status->odometry_gaps = use.gaps();
+  status->mapping_paused = intake.mapping_paused;
   status->ping_age_p99_s = intake.ping_age_p99_s;
   status->ping_age_max_s = intake.ping_age_max_s;
 }
@@ -200,6 +250,8 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
     report.summary(DiagnosticStatus::WARN, "no odometry yet");
   } else if (age_s > kInputStale_s) {
     report.summaryf(DiagnosticStatus::WARN, "no odometry for %.1f s", age_s);
+  } else if (now.mapping_paused) {
+    report.summary(DiagnosticStatus::WARN, "mapping is paused: pings are not taken in");
   } else if (!now.refusal_reasons.empty()) {
     report.summary(DiagnosticStatus::WARN, "messages were lost or refused");
   } else {

@@ -5,7 +5,6 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
-#include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 
 #include "rbpf_core/loop_closing.hpp"
@@ -14,6 +13,7 @@
 #include "rbpf_node/publishers.hpp"
 #include "rbpf_node/services.hpp"
 #include "rbpf_node/smoothing_worker.hpp"
+#include "rbpf_node/trigger_services.hpp"
 
 namespace rbpf_node {
 
@@ -28,8 +28,8 @@ class SlamNode {
   void handle(PingInput input, double receipt_s);
   void handle(const FixInput& input, double receipt_s);
 
-  // A step of Algorithm 2, if one is due, and the smoothing of the past; waits for the map nodes,
-  // and logs what goes wrong. To be called from one thread, as often as you like.
+  // A step of Algorithm 2, if one is due or asked for, and the smoothing of the past; waits for the
+  // map nodes, and logs what goes wrong. To be called from one thread, as often as you like.
   void closeLoops();
 
   // The survey is over; from a bag, the past is smoothed once more before it returns.
@@ -43,7 +43,10 @@ class SlamNode {
 
  private:
   bool haveMapsFollowed() const;
-  bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  void advertiseTriggers();
+  Answer finishAndWait();
+  Answer promptNow();
+  Answer pauseMapping(bool pause);
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
   void tellInput(const rbpf_core::FilterSnapshot& filter,
@@ -60,6 +63,7 @@ class SlamNode {
   rbpf_core::LoopClosing loop_closing_;
   const Input input_;
   SmoothingWorker smoothing_;
+  AskedStep asked_prompt_{"the prompt"};
   Services services_;
   Publishers publishers_;
   tf2_ros::Buffer transforms_;
@@ -67,7 +71,7 @@ class SlamNode {
 
   Intake intake_;
 
-  ros::ServiceServer finish_server_;
+  TriggerServices triggers_;
   // last: what it calls needs all of the above
   ros::WallTimer overview_timer_;
 };

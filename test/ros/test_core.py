@@ -15,6 +15,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
@@ -201,6 +202,45 @@ class CoreTest(unittest.TestCase):
             self.assertIn(expected[reason], example)
         self.assertEqual((status.pings_rejected, status.pings_dropped), (2, 0))
         self.assertEqual((status.pings, status.pings_waiting), (DURATION_S, DURATION_S))
+
+    def test_what_cannot_be_done_when_asked_says_why(self):
+        prompt = service("prompt", Trigger)()
+        self.assertFalse(prompt.success)
+        self.assertEqual(
+            prompt.message, "not weighed: waiting for map nodes: 0 of 1 have reported"
+        )
+        # one straight line
+        smooth = service("smooth", Trigger)()
+        self.assertTrue(smooth.success, smooth.message)
+        self.assertIn("0 new closures, 0 of them accepted", smooth.message)
+        self.assertIn("the past stays where it is", smooth.message)
+
+    def test_while_mapping_is_paused_pings_are_refused_and_the_pose_goes_on(self):
+        """The last of all by its name, for the survey goes on in it."""
+        pause, resume = (service(f"{what}_mapping", Trigger) for what in ("pause", "resume"))
+        self.assertEqual(pause().message, "pings are not taken in from now on")
+        self.assertEqual(pause().message, "pings are not taken in, as before")
+        self.pings.publish(ping(DURATION_S + 1))
+        self.moves.publish(odometry(DURATION_S + 1))
+        status = self.await_status(
+            lambda now: now.header.stamp.to_sec() > DURATION_S
+            and "pings/mapping_paused" in now.refusal_reasons
+        )
+        self.assertTrue(status.mapping_paused)
+        self.assertEqual(status.pings, DURATION_S)
+        self.assertTrue(resume().success)
+        self.pings.publish(ping(DURATION_S + 2))
+        self.moves.publish(odometry(DURATION_S + 2))
+        status = self.await_status(lambda now: now.pings > DURATION_S)
+        self.assertFalse(status.mapping_paused)
+
+    def await_status(self, is_wanted):
+        deadline_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline_s:
+            status = rospy.wait_for_message("rbpf_core/status", FilterStatus, PATIENCE_S)
+            if is_wanted(status):
+                return status
+        raise AssertionError(f"waited in vain; the last status: {status}")
 
     def test_minibatches_have_common_random_numbers(self):
         reply = self.get_minibatches(range(PARTICLES), 50)
