@@ -119,7 +119,13 @@ std::string LoopClosing::whyNotReady() const {
 // ---- weights -------------------------------------------------------------------------------
 
 void LoopClosing::weighFixes() {
-  for (const auto& [fix, particles] : filter_.takeFixesToWeigh()) {
+  const auto fixes = filter_.takeFixesToWeigh();
+  // Of several poses that an operator has given meanwhile the last one counts; what else has come
+  // is of particles that are no more, and in the smoother's graph.
+  const auto given = std::find_if(fixes.rbegin(), fixes.rend(),
+                                  [](const auto& one) { return one.fix.heading.has_value(); });
+  if (given != fixes.rend()) return filter_.drawAnew(given->fix, given->particles->poses);
+  for (const auto& [fix, particles] : fixes) {
     const Eigen::ArrayXd log_likelihood = fixLikelihood(fix, particles->poses);
     filter_.setLogWeights(
         updateWeights(filter_.snapshot().logWeights(), log_likelihood, params_.weighting)

@@ -80,7 +80,8 @@ class LoopClosing {
  public:
   LoopClosing(ParticleFilter& filter, Maps& maps, LoopClosingParams params);
 
-  // Weighs the fixes that have come, whether a prompt is due or not: the N_eff rule is asked after
+  // Weighs the fixes that have come, or draws the particles anew about what an operator gives,
+  // whether a prompt is due or not: the N_eff rule is asked after
   // them too, as soon as maps are ready. Then
   // Algorithm 2, if the latest ping is at least 1/rate younger than the last prompt's, gaps in the
   // odometry not counted. Waits for the maps, never for the filter. To be called as often as you
