@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <random>
 #include <utility>
 
 #include "rbpf_core/decimal.hpp"
@@ -23,6 +24,13 @@ double peakResidentMb() {
   return static_cast<double>(usage.ru_maxrss) * 1024.0 / 1e6;  // Linux counts in KiB
 }
 
+// Of a survey, so that map nodes know it from any other, one of a core that has died included. Of a
+// bag there is one survey, and its replays are alike.
+std::uint64_t drawnToken() {
+  std::random_device random;
+  return (std::uint64_t{random()} << 32U | random()) | 1U;  // never 0
+}
+
 rbpf_core::LoopClosingParams loopClosingParams(const Parameters& params) {
   return {params.loop_closure_rate_hz, params.loop_closure,
           rbpf_core::OnEffectiveSizeDrop{params.resampling_threshold}};
@@ -33,12 +41,13 @@ rbpf_core::LoopClosingParams loopClosingParams(const Parameters& params) {
 SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
                    Input input)
     : params_(params),
+      survey_(input == Input::kLive ? drawnToken() : 0),
       filter_(params.filter),
-      maps_(node, params),
+      maps_(node, params, survey_),
       loop_closing_(filter_, maps_, loopClosingParams(params)),
       input_(input),
       smoothing_(&filter_, params.smoothing, input, [this] { return haveMapsFollowed(); }),
-      services_(private_node, filter_, loop_closing_, smoothing_),
+      services_(private_node, survey_, filter_, loop_closing_, smoothing_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()),
       intake_(params, input, transforms_, &filter_),
@@ -81,7 +90,7 @@ void SlamNode::finish() {
 void SlamNode::advertiseTriggers() {
   triggers_.add("finish", [this] { return finishAndWait(); });
   if (input_ == Input::kBag) return;
-  const auto is_ending = [] { return !ros::ok(); };
+  const auto is_ending = [this] { return ends_ || !ros::ok(); };
   // all that a prompt may wait for, twice: a step may be under way
   const double prompt_patience_s =
       2.0 * (params_.loop_closure_timeout_s + 2.0 * params_.resampling_timeout_s);
@@ -94,7 +103,7 @@ void SlamNode::advertiseTriggers() {
 Answer SlamNode::finishAndWait() {
   finish();
   // Offline there is nobody to wait for: the replay itself sees to the end.
-  if (input_ == Input::kLive) smoothing_.awaitLast([] { return !ros::ok(); });
+  if (input_ == Input::kLive) smoothing_.awaitLast([this] { return ends_ || !ros::ok(); });
   const rbpf_core::FilterSnapshot filter = filter_.snapshot();
   return {true,
           std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams"};
@@ -163,6 +172,7 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   Eigen::Index best = 0;
   weights.maxCoeff(&best);
   status.header.frame_id = params_.frames.map;
+  status.survey = survey_;
   status.particles = static_cast<std::uint32_t>(params_.filter.particles);
   status.nodes = static_cast<std::uint32_t>(params_.nodes);
   status.n_eff = rbpf_core::effectiveParticles(weights);

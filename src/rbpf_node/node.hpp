@@ -7,6 +7,8 @@
 #include <ros/node_handle.h>
 #include <tf2_ros/buffer.h>
 
+#include <atomic>
+
 #include "rbpf_core/loop_closing.hpp"
 #include "rbpf_node/intake.hpp"
 #include "rbpf_node/map_nodes.hpp"
@@ -22,6 +24,8 @@ class SlamNode {
   // Timers go on `node`'s callback queue, services on `private_node`'s.
   SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
            Input input);
+  // Waits for a smoothing that is under way; nobody who waits for a step gets it.
+  ~SlamNode() { ends_ = true; }
 
   // receipt_s: when the message came, or was recorded. Throws Refusal.
   void handle(const OdometryInput& input, double receipt_s);
@@ -58,6 +62,7 @@ class SlamNode {
   void diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const;
 
   const Parameters params_;
+  const std::uint64_t survey_;
   rbpf_core::ParticleFilter filter_;
   MapNodes maps_;
   rbpf_core::LoopClosing loop_closing_;
@@ -71,6 +76,7 @@ class SlamNode {
 
   Intake intake_;
 
+  std::atomic<bool> ends_{false};
   TriggerServices triggers_;
   // last: what it calls needs all of the above
   ros::WallTimer overview_timer_;

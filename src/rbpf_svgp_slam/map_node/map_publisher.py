@@ -34,7 +34,7 @@ class MapPublisher:
     """
 
     def __init__(self, store: MapStore, parameters: NodeParameters) -> None:
-        self._store = store
+        self.follow(store)
         self._frame = parameters.frames.map
         self._period_s = parameters.map.publish_period_s
         self._origin = survey_origin(parameters.survey_area)
@@ -44,9 +44,13 @@ class MapPublisher:
             for name in (names.MAP_MEAN, names.MAP_VARIANCE, names.MAP_SUPPORT_POINTS)
         )
         self._best_particle: int | None = None
-        self._job: Iterator[None] | None = None
         self._next_s = 0.0  # monotonic
         rospy.Subscriber(names.FILTER_STATUS, FilterStatus, self._on_status, queue_size=1)
+
+    def follow(self, store: MapStore) -> None:
+        """Publish this store's maps from now on."""
+        self._store = store
+        self._job: Iterator[None] | None = None
 
     def advance(self) -> None:
         """Do the next piece of a publication that is under way or due."""

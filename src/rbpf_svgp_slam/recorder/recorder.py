@@ -65,7 +65,7 @@ class Recorder:
         """tree: all parameters below `rbpf_svgp_slam/`; raises ParameterError."""
         parameters = validate(tree)
         self._private = private
-        self._recording = Recording(
+        self._new_recording = lambda: Recording(
             out_dir=private.out_dir,
             parameters=parameters,
             parameter_tree=tree,
@@ -73,6 +73,7 @@ class Recorder:
             ground_truth=GroundTruth(parameters.frames.map),
             time_lapse=TimeLapseRecorder(parameters),
         )
+        self._recording = self._new_recording()
         #: To be said at the very end, whatever it is.
         self.farewell = ""
         nodes = range(parameters.nodes)
@@ -206,6 +207,9 @@ class Recorder:
             rospy.logerr_throttle(5.0, f"Ground truth refused: {problem}")
 
     def _on_status(self, status: FilterStatus) -> None:
+        if not self._is_recorded(status.survey):
+            rospy.logwarn("Another survey has begun: what was recorded before is dropped.")
+            self._recording = self._new_recording()
         if status.odometry_messages and self._recording.started_s is None:
             self._recording.started_s = time.monotonic()
         self._recording.statuses.append(status)
@@ -213,9 +217,15 @@ class Recorder:
         self._heard[names.CORE] += 1
 
     def _on_map_status(self, status: MapStatus) -> None:
-        self._recording.map_statuses[status.node] = status
-        self._recording.history.on_map_status(status)
         self._heard[names.map_node(status.node)] += 1
+        if self._is_recorded(status.survey):
+            self._recording.map_statuses[status.node] = status
+            self._recording.history.on_map_status(status)
+
+    def _is_recorded(self, survey: int) -> bool:
+        """Whether it is the survey that is being recorded; any is, before the first status."""
+        statuses = self._recording.statuses
+        return not statuses or statuses[-1].survey == survey
 
     def _on_save(self, _: Trigger) -> TriggerResponse:
         self._saving = True
