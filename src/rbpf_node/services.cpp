@@ -50,9 +50,10 @@ rbpf_svgp_slam::Closure toMessage(const rbpf_core::smoothing::Closure& closure) 
 
 }  // namespace
 
-Services::Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
+Services::Services(ros::NodeHandle private_node, std::uint64_t survey,
+                   const rbpf_core::ParticleFilter& filter,
                    const rbpf_core::LoopClosing& loop_closing, const SmoothingWorker& smoothing)
-    : filter_(filter), loop_closing_(loop_closing), smoothing_(smoothing) {
+    : survey_(survey), filter_(filter), loop_closing_(loop_closing), smoothing_(smoothing) {
   using rbpf_svgp_slam::GetBeams;
   using rbpf_svgp_slam::GetMinibatches;
   minibatch_server_ = private_node.advertiseService(
@@ -69,6 +70,7 @@ bool Services::serveBeams(Request& request, Response& response) {
   // Before any beam is placed: beams that a resampling overtakes carry the epoch before it, and the
   // map nodes drop them.
   const rbpf_core::LoopClosing::Progress progress = loop_closing_.progress();
+  response.survey = survey_;
   response.epoch = progress.epoch;
   response.resampling = progress.resampling;
   answer(filter_, request, &response);

@@ -243,3 +243,16 @@ def test_nothing_to_settle():
     assert store.settle(core_epoch=1, core_resampling=False) == ""
     store.prepare(1, [0, 0], no_fetch, TIMEOUT_S)
     assert store.settle(core_epoch=1, core_resampling=False) == "", "not overdue yet"
+
+
+def test_maps_are_of_the_first_survey_that_is_heard_of():
+    (store,) = make_stores(2, 1)
+    assert store.hear_survey(0), "an offline replay, or a core of old"
+    assert store.hear_survey(7) and store.survey == 7
+    store.check_survey(7)
+    assert not store.superseded
+    with pytest.raises(BadRequest, match="survey is 9; expected 7, this node's"):
+        store.check_survey(9)
+    assert not store.superseded, "anybody may ask"
+    assert not store.hear_survey(9)
+    assert store.superseded and not store.hear_survey(7), "they are of no use any more"

@@ -57,6 +57,10 @@ class MapStore:
         """index: of this node, 0 .. nodes - 1; particles: of the filter; group: of this node."""
         self.shares = [share(particles, nodes, node) for node in range(nodes)]
         self.own = self.shares[index]
+        #: Token of the survey that the maps belong to; 0 before any has been heard of.
+        self.survey = 0
+        #: Another survey has been heard of: these maps are of no use any more.
+        self.superseded = False
         self.steps = 0
         self.skipped_steps = 0
         self._particles = particles
@@ -66,6 +70,20 @@ class MapStore:
         self._newest_past = 0
         self._lock = StepLock()
         self._phases = ResamplingPhases(take_over=self._replace_maps)
+
+    # Surveys
+
+    def hear_survey(self, survey: int) -> bool:
+        """Whether the maps are of the core's survey; new ones are of the first that is heard of."""
+        self.survey = self.survey or survey
+        if survey != self.survey:
+            self.superseded = True
+        return not self.superseded
+
+    def check_survey(self, survey: int) -> None:
+        """Raises BadRequest if a request is of another survey than the maps."""
+        if survey != self.survey:
+            raise BadRequest(f"survey is {survey:x}; expected {self.survey:x}, this node's")
 
     # Training. Each of these returns false, without effect, if the beams are of another epoch than
     # the maps, or a resampling is under way.
@@ -338,7 +356,7 @@ class MapStore:
             return self._phases.settle(core_epoch, core_resampling)
 
     def adopt(self, epoch: int) -> None:
-        """Take over the core's epoch, keeping the maps. It may be another core."""
+        """Take over the core's epoch, keeping the maps."""
         with self._lock.request():
             self._phases.adopt(epoch)
             self._newest_past = 0
