@@ -73,7 +73,7 @@ class FilterNode {
         maps_(spinning->node(), params),
         loop_closing_(filter_, maps_, {0.0, params.loop_closure, {}}),
         smoothing_(&filter_, params.smoothing, rbpf_node::Input::kLive, [] { return false; }),
-        services_(own_, filter_, loop_closing_, smoothing_),
+        services_(own_, 0, filter_, loop_closing_, smoothing_),
         servers_{own_.advertiseService("grow", &FilterNode::grow, this),
                  own_.advertiseService("prompt", &FilterNode::prompt, this),
                  own_.advertiseService("resample", &FilterNode::resample, this)} {}

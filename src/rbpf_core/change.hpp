@@ -21,13 +21,14 @@ namespace rbpf_core {
 struct FilterSettings {
   std::string text;
 };
-// What all of the program has been told, in whatever words; for readers of the run, not for the
-// filter.
+// What all of the program has been told, in whatever words, and the number by which map nodes know
+// the survey; not for the filter.
 struct ProgramSettings {
+  std::uint64_t survey = 0;
   std::string text;
 };
 
-// The arguments of ParticleFilter::keepOdometrySince, setLogWeights and resample.
+// The arguments of ParticleFilter::keepOdometrySince, setLogWeights, resample and drawAnew.
 struct OdometryKept {
   std::optional<double> since_s;
 };
@@ -36,6 +37,10 @@ struct WeightsSet {
 };
 struct Resampled {
   std::vector<std::uint32_t> ancestors;
+};
+struct DrawnAnew {
+  Fix given;
+  std::vector<Pose2> at;
 };
 // Calls of takeFixesToWeigh that have taken some, and of finish.
 struct FixesTaken {};
@@ -57,8 +62,8 @@ struct LoopClosingState {
 // Odometry, pings and fixes as they were handed to the filter, those that it refused too. A
 // journal's records have the numbers of this order: others come at its end.
 using Change = std::variant<FilterSettings, ProgramSettings, Odometry, Ping, Fix, OdometryKept,
-                            WeightsSet, Resampled, PastCorrection, KnownError, FixesTaken,
-                            SurveyFinished, LoopClosingState>;
+                            WeightsSet, Resampled, DrawnAnew, PastCorrection, KnownError,
+                            FixesTaken, SurveyFinished, LoopClosingState>;
 
 class ChangeObserver {
  public:

@@ -137,12 +137,19 @@ class FilterSnapshot {
   std::uint32_t past() const { return past_; }
   // What is taken off the odometry for the particles' motion.
   MotionBias bias() const { return bias_; }
-  // Of the first odometry message, and where the vehicle was then. None before it.
+  // Of the first odometry message, or of the one when an operator gave the start; where the vehicle
+  // was then, and how uncertain that is, x and y alike. None before it.
   struct Start {
     double stamp_s;
     Pose2 pose;
+    double position_std_m;
+    double yaw_std_rad;
   };
   const std::optional<Start>& start() const { return start_; }
+  // How often the particles have been drawn anew about a given pose, and its stamp, or that of the
+  // last ping then if it is later: pings up to it are of the particles before.
+  std::uint32_t redraws() const { return redraws_; }
+  const std::optional<double>& redrawnStamp() const { return redrawn_s_; }
   // Weighted mean of the particles' histories at a ping, and their spread.
   struct Past {
     Pose2 mean;
@@ -177,6 +184,8 @@ class FilterSnapshot {
   MotionBias bias_;
   std::optional<KnownError> known_error_;
   std::optional<Start> start_;
+  std::uint32_t redraws_ = 0;
+  std::optional<double> redrawn_s_;
 };
 
 // Mean and spread of weighted poses; the yaw's mean is taken on the circle.

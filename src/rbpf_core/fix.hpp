@@ -2,17 +2,27 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "rbpf_core/types.hpp"
 
 namespace rbpf_core {
 
+// Yaw of base_link in map.
+struct Heading {
+  double yaw_rad = 0.0;
+  double variance_rad2 = 0.0;
+};
+
 struct Fix {
   double stamp_s = 0.0;
   // Of base_link in map.
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Identity();
+  // With one it is a pose that an operator gives: it is believed, particles are drawn anew about
+  // it, and before the first ping it is the start.
+  std::optional<Heading> heading = std::nullopt;
 };
 
 // One that the filter has taken, and where dead reckoning was at its stamp.

@@ -51,6 +51,12 @@ StepResult LoopClosing::step() {
     if (!fixes_weighed_ || !whyNotReady().empty()) return {StepOutcome::kNotDue};
     return resampleIfDue({StepOutcome::kNotDue});
   }
+  const StepResult prompted = prompt();
+  return prompted.outcome == StepOutcome::kPrompted ? resampleIfDue(prompted) : prompted;
+}
+
+// Expects a ping.
+StepResult LoopClosing::prompt() {
   const PlacedPing ping = filter_.snapshot().latestPing().value();
   last_prompt_s_ = surveySecondsOf(ping.stamp_s);
   tellObserver();  // before it is weighed: whoever resumes would weigh it once more
@@ -58,12 +64,32 @@ StepResult LoopClosing::step() {
     skip(why);
     return {StepOutcome::kNotReady};
   }
-
   // Algorithm 2: weights.
-  const StepResult weighed = weigh(ping);
-  if (weighed.outcome == StepOutcome::kFailed) return weighed;
+  return weigh(ping);
+}
 
-  return resampleIfDue(weighed);
+AskedPrompt LoopClosing::promptNow() {
+  weighFixes();
+  const auto nEff = [&] { return effectiveParticles(filter_.snapshot().logWeights().exp()); };
+  AskedPrompt asked{StepOutcome::kNotDue};
+  asked.n_eff_before = asked.n_eff_weighed = nEff();
+  const std::size_t pings = filter_.snapshot().pings();
+  if (pings == 0 || last_weighed_ == pings - 1) {
+    asked.why =
+        pings == 0 ? "no ping has been taken in" : "the latest ping has been weighed already";
+    return asked;
+  }
+  const std::uint32_t prompts_before = statistics().prompts;
+  const StepResult prompted = prompt();
+  asked.outcome = prompted.outcome;
+  asked.has_weighed = statistics().prompts > prompts_before;
+  asked.n_eff_weighed = nEff();
+  if (!asked.has_weighed) asked.why = statistics().message;
+  if (prompted.outcome != StepOutcome::kPrompted) return asked;
+  const StepResult resampled = resampleIfDue(prompted);
+  asked.outcome = resampled.outcome;
+  if (!resampled.problem.empty()) asked.why = resampled.problem;
+  return asked;
 }
 
 StepResult LoopClosing::resampleIfDue(const StepResult& otherwise) {
@@ -114,7 +140,13 @@ std::string LoopClosing::whyNotReady() const {
 // ---- weights -------------------------------------------------------------------------------
 
 void LoopClosing::weighFixes() {
-  for (const auto& [fix, particles] : filter_.takeFixesToWeigh()) {
+  const auto fixes = filter_.takeFixesToWeigh();
+  // Of several poses that an operator has given meanwhile the last one counts; what else has come
+  // is of particles that are no more, and in the smoother's graph.
+  const auto given = std::find_if(fixes.rbegin(), fixes.rend(),
+                                  [](const auto& one) { return one.fix.heading.has_value(); });
+  if (given != fixes.rend()) return filter_.drawAnew(given->fix, given->particles->poses);
+  for (const auto& [fix, particles] : fixes) {
     const Eigen::ArrayXd log_likelihood = fixLikelihood(fix, particles->poses);
     filter_.setLogWeights(
         updateWeights(filter_.snapshot().logWeights(), log_likelihood, params_.weighting)
@@ -142,6 +174,7 @@ StepResult LoopClosing::weigh(const PlacedPing& ping) {
       const WeightUpdate update = updateWeights(filter_.snapshot().logWeights(),
                                                 likelihood.log_likelihood, params_.weighting);
       filter_.setLogWeights(update.log_weights);
+      last_weighed_ = ping.index;
       note([&](auto& statistics) {
         ++statistics.prompts;
         statistics.tempering = update.tempering;

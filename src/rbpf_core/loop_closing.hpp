@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -61,6 +62,18 @@ struct StepResult {
   std::string problem = {};
 };
 
+// A prompt that somebody has asked for, and what came of it.
+struct AskedPrompt {
+  // kNotDue: there is no ping that has not been weighed.
+  StepOutcome outcome;
+  // Whether the ping has changed the weights. If not, or if something went wrong: why.
+  bool has_weighed = false;
+  std::string why = {};
+  // N_eff before it, and by its weights, before a resampling.
+  double n_eff_before = 0.0;
+  double n_eff_weighed = 0.0;
+};
+
 // One thread makes the steps, any thread may read. Whatever fails in the maps is in a step's
 // result; nothing is thrown.
 class LoopClosing {
@@ -72,13 +85,18 @@ class LoopClosing {
   // Before the first step: is told before each prompt; null: nobody is.
   void observe(ChangeObserver* observer) { observer_ = observer; }
 
-  // Weighs the fixes that have come, whether a prompt is due or not: the N_eff rule is asked after
+  // Weighs the fixes that have come, or draws the particles anew about what an operator gives,
+  // whether a prompt is due or not: the N_eff rule is asked after
   // them too, as soon as maps are ready. Then
   // Algorithm 2, if the latest ping is at least 1/rate younger than the last prompt's, gaps in the
   // odometry not counted. Waits for the maps, never for the filter. To be called as often as you
   // like.
   StepResult step();
   bool isDue() const;
+
+  // The same now, whatever the rate: but no ping is weighed twice, since it says no more the second
+  // time.
+  AskedPrompt promptNow();
 
   // The parts of a step, for callers with another rule of when they are due.
   StepResult weigh(const PlacedPing& ping);
@@ -101,6 +119,7 @@ class LoopClosing {
  private:
   void tellObserver();
   void weighFixes();
+  StepResult prompt();
   StepResult resampleIfDue(const StepResult& otherwise);
   // A stamp on a clock that stands still in gaps.
   double surveySecondsOf(double stamp_s) const;
@@ -119,6 +138,8 @@ class LoopClosing {
   ChangeObserver* observer_ = nullptr;
   // Fixes have been weighed since the N_eff rule was asked.
   bool fixes_weighed_ = false;
+  // The last ping that has changed the weights.
+  std::optional<std::uint32_t> last_weighed_;
   // Survey seconds of the last prompt's ping.
   double last_prompt_s_ = -std::numeric_limits<double>::infinity();
   mutable std::mutex mutex_;  // guards statistics_

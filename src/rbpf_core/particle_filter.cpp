@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <stdexcept>
 #include <unordered_map>
 
@@ -76,8 +75,7 @@ void ParticleFilter::addOdometry(const Odometry& odometry) {
   expectUsable(odometry);
   if (recent_.empty()) {
     odometry_use_.start(odometry);
-    start_ = {odometry.stamp_s, params_.start_pose.value_or(odometry.pose)};
-    recent_.push_back(std::make_shared<const StampedParticles>(startAt(odometry)));
+    start(odometry);
   } else {
     recent_.push_back(
         std::make_shared<const StampedParticles>(propagate(*recent_.back(), odometry)));
@@ -110,21 +108,6 @@ void ParticleFilter::expectUsable(const Odometry& odometry) {
   throw refuse(InputKind::kOdometry,
                odometry.stamp_s == last_s ? Reason::kDuplicateStamp : Reason::kOutOfOrder,
                name + ": expected a stamp later than the one before, " + decimal(last_s, 3) + " s");
-}
-
-StampedParticles ParticleFilter::startAt(const Odometry& odometry) const {
-  const Pose2 start = params_.start_pose.value_or(odometry.pose);
-  StampedParticles particles{odometry, start, {}};
-  std::normal_distribution<double> normal;
-  for (RandomStream& stream : streamsFor(StreamPurpose::kStart, params_)) {
-    Pose2 pose = start;
-    pose.x_m += params_.start_position_std_m * normal(stream);
-    pose.y_m += params_.start_position_std_m * normal(stream);
-    pose.yaw_rad = wrapAngle(pose.yaw_rad + params_.start_yaw_std_rad * normal(stream));
-    particles.poses.push_back(pose);
-    normal.reset();  // its spare value belongs to this particle's stream
-  }
-  return particles;
 }
 
 StampedParticles ParticleFilter::propagate(const StampedParticles& from, const Odometry& odometry) {
@@ -366,6 +349,10 @@ void ParticleFilter::setKnownError(const KnownError& error) {
 void ParticleFilter::correctPast(const PastCorrection& correction) {
   expectFinite(correction);
   const std::lock_guard one_at_a_time(resampling_mutex_);
+  if (correction.redraws != snapshot().redraws()) {
+    throw std::invalid_argument(
+        "correction of the past: found out before the particles were drawn anew, expected after");
+  }
   const RigidMotion of_rest = RigidMotion::of(correction.of_rest);
   replacePast(
       [&](const TrajectoryHistories::State& state, std::size_t pings) {
@@ -433,6 +420,8 @@ void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_l
   published_.bias_ = bias_;
   published_.known_error_ = known_error_;
   published_.start_ = start_;
+  published_.redraws_ = redraws_;
+  published_.redrawn_s_ = redrawn_s_;
 }
 
 FilterSnapshot ParticleFilter::snapshot() const {

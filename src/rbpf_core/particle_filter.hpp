@@ -41,8 +41,9 @@ class ParticleFilter {
   void addPing(Ping ping);
 
   // Takes a fix at once, or as soon as the odometry has passed its stamp; it is then to be weighed.
-  // Refused: what is not finite, no covariance, from a time for which there is no odometry, and
-  // what contradicts the odometry.
+  // A pose that an operator gives before anything else is the start. Refused: what is not finite,
+  // no covariance, from a time for which there is no odometry, and what contradicts the odometry,
+  // unless an operator gives it.
   void addFix(const Fix& fix);
 
   // Fixes taken since the last call, with the particles as they were at their stamps. To be called
@@ -52,6 +53,11 @@ class ParticleFilter {
     StampedParticles::ConstPtr particles;
   };
   std::vector<FixToWeigh> takeFixesToWeigh();
+
+  // Draws the particles anew about a pose that an operator gives; `at`: where they were at its
+  // stamp. They go on from there, weights become uniform, and histories stay as they are: the
+  // smoother, which takes that fix too, has to say what it means for the past. By the same thread.
+  void drawAnew(const Fix& given, const std::vector<Pose2>& at);
 
   // Pings of this stamp and later ones will yet be added: their odometry is kept, for two minutes
   // at most. Without a stamp it is kept for some seconds.
@@ -66,7 +72,8 @@ class ParticleFilter {
 
   // The past was another than it seemed: histories, recent poses and the particles are moved, and
   // the particles' motion is freed of the bias from now on. Dead reckoning and odometry stay as
-  // they are. Refused: motions for more pings than the log has, and what is not finite.
+  // they are. Refused: motions for more pings than the log has, what is not finite, and what was
+  // found out before the particles were drawn anew.
   void correctPast(const PastCorrection& correction);
 
   // From now on the estimate's covariance is at least what follows from this.
@@ -100,7 +107,11 @@ class ParticleFilter {
     if (observer_ != nullptr) observer_.load()->onChange(Change(change));
   }
   void expectUsable(const Odometry& odometry);
-  StampedParticles startAt(const Odometry& odometry) const;
+  void start(const Odometry& odometry);
+  void startFrom(const Fix& given);
+  // Draws whose call numbers differ have nothing in common.
+  std::vector<Pose2> drawAbout(const Pose2& mean, const Eigen::Matrix2d& position_root_m,
+                               double yaw_std_rad, std::uint64_t call) const;
   StampedParticles propagate(const StampedParticles& from, const Odometry& odometry);
   void expectPoseAt(double stamp_s, InputKind kind, const std::string& name);
   StampedParticles particlesAt(double stamp_s) const;
@@ -153,6 +164,10 @@ class ParticleFilter {
   MotionBias bias_;
   std::optional<KnownError> known_error_;
   std::optional<FilterSnapshot::Start> start_;
+  // The start that an operator gives.
+  std::optional<Fix> given_start_;
+  std::uint32_t redraws_ = 0;
+  std::optional<double> redrawn_s_;
   // Pings old enough to be drawn, and the beams of those in the training log.
   std::size_t released_pings_ = 0;
   std::size_t released_beams_ = 0;

@@ -2,10 +2,12 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <utility>
 
 #include "rbpf_core/decimal.hpp"
 #include "rbpf_core/particle_filter.hpp"
+#include "rbpf_core/rigid.hpp"
 
 namespace rbpf_core {
 
@@ -14,6 +16,11 @@ namespace {
 // Fixes that may wait for odometry, and the latest ones with which another is compared.
 constexpr std::size_t kFixQueue = 1000;
 constexpr std::size_t kFixesCompared = 64;
+
+// Of one that an operator gives.
+Pose2 poseOf(const Fix& given) {
+  return {given.position_m.x(), given.position_m.y(), given.heading->yaw_rad};
+}
 
 std::string nameOf(const Fix& fix) { return "fix of stamp " + decimal(fix.stamp_s, 3) + " s"; }
 
@@ -24,6 +31,7 @@ void ParticleFilter::addFix(const Fix& fix) {
   tell(fix);
   const std::string name = nameOf(fix);
   expectUsable(fix, name);
+  if (fix.heading && log_.pings.size() == 0 && log_.fixes.size() == 0) return startFrom(fix);
   if (!recent_.empty() && fix.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(fix);
   if (finished_) {
     throw refuse(InputKind::kFix, Reason::kSurveyOver, name + " came after the survey's end");
@@ -39,7 +47,8 @@ void ParticleFilter::addFix(const Fix& fix) {
 
 void ParticleFilter::expectUsable(const Fix& fix, const std::string& name) {
   if (!std::isfinite(fix.stamp_s) || !fix.position_m.allFinite() ||
-      !fix.covariance_m2.allFinite()) {
+      !fix.covariance_m2.allFinite() ||
+      (fix.heading && !std::isfinite(fix.heading->yaw_rad + fix.heading->variance_rad2))) {
     throw refuse(InputKind::kFix, Reason::kNotFinite, name + " holds a value that is not finite");
   }
   const Eigen::Matrix2d& R = fix.covariance_m2;
@@ -52,6 +61,11 @@ void ParticleFilter::expectUsable(const Fix& fix, const std::string& name) {
                      decimal(R(1, 1), 3) +
                      ")) m^2, expected a positive definite one of standard deviations up to " +
                      decimal(params_.fixes.max_std_m, 0) + " m");
+  }
+  if (fix.heading && !(fix.heading->variance_rad2 > 0.0)) {
+    throw refuse(InputKind::kFix, Reason::kMalformed,
+                 name + " has a heading of variance " + decimal(fix.heading->variance_rad2, 6) +
+                     " rad^2, expected above 0");
   }
 }
 
@@ -66,7 +80,7 @@ void ParticleFilter::takeIn(const Fix& fix) {
                  name + " has come before. Is it published or recorded twice?");
   }
   auto particles = std::make_shared<const StampedParticles>(particlesAt(fix.stamp_s));
-  expectAgreement(fix, name, *particles);
+  if (!fix.heading) expectAgreement(fix, name, *particles);
   log_.fixes.push_back({fix, particles->dead_reckoning});
   to_weigh_.push_back({fix, std::move(particles)});
 }
@@ -93,6 +107,76 @@ void ParticleFilter::expectAgreement(const Fix& fix, const std::string& name,
                    decimal(params_.fixes.max_sigmas, 1) +
                    ". An outlier, another origin, or a start or heading that is not the true one?");
 }
+
+// ---- where the particles start ----------------------------------------------------------------
+
+void ParticleFilter::start(const Odometry& odometry) {
+  Pose2 pose = params_.start_pose.value_or(odometry.pose);
+  Eigen::Matrix2d root_m = params_.start_position_std_m * Eigen::Matrix2d::Identity();
+  double position_std_m = params_.start_position_std_m;
+  double yaw_std_rad = params_.start_yaw_std_rad;
+  if (given_start_) {
+    pose = poseOf(*given_start_);
+    const Eigen::Matrix2d& R = given_start_->covariance_m2;
+    root_m = R.llt().matrixL();
+    position_std_m = std::sqrt(0.5 * R.trace());
+    yaw_std_rad = std::sqrt(given_start_->heading->variance_rad2);
+  }
+  start_ = {odometry.stamp_s, pose, position_std_m, yaw_std_rad};
+  const StampedParticles particles{odometry, pose, drawAbout(pose, root_m, yaw_std_rad, 0)};
+  recent_ = {std::make_shared<const StampedParticles>(particles)};
+}
+
+void ParticleFilter::startFrom(const Fix& given) {
+  given_start_ = given;
+  if (!recent_.empty()) start(recent_.back()->odometry);
+}
+
+std::vector<Pose2> ParticleFilter::drawAbout(const Pose2& mean,
+                                             const Eigen::Matrix2d& position_root_m,
+                                             double yaw_std_rad, std::uint64_t call) const {
+  std::vector<Pose2> drawn;
+  for (std::size_t j = 0; j < params_.particles; ++j) {
+    RandomStream stream = makeStream(params_.seed, StreamPurpose::kStart, j, call);
+    std::normal_distribution<double> normal;
+    const double first = normal(stream);
+    const double second = normal(stream);
+    const Eigen::Vector2d off_m = position_root_m * Eigen::Vector2d(first, second);
+    drawn.push_back({mean.x_m + off_m.x(), mean.y_m + off_m.y(),
+                     wrapAngle(mean.yaw_rad + yaw_std_rad * normal(stream))});
+  }
+  return drawn;
+}
+
+void ParticleFilter::drawAnew(const Fix& given, const std::vector<Pose2>& at) {
+  const std::lock_guard one_at_a_time(resampling_mutex_);
+  WriterLock lock(this);
+  tell(DrawnAnew{given, at});
+  const Eigen::Matrix2d root_m = given.covariance_m2.llt().matrixL();
+  std::vector<Pose2> motions =
+      drawAbout(poseOf(given), root_m, std::sqrt(given.heading->variance_rad2), ++redraws_);
+  for (std::size_t j = 0; j < motions.size(); ++j) motions[j] = compose(motions[j], inverse(at[j]));
+  // Pings of its stamp and later ones may have been taken in before it came.
+  const std::size_t pings = log_.pings.size();
+  redrawn_s_ = std::max(given.stamp_s, pings > 0 ? log_.pings[pings - 1].stamp_s : given.stamp_s);
+  const auto moved = [&](const StampedParticles& before) {
+    StampedParticles after = before;
+    for (std::size_t j = 0; j < motions.size(); ++j)
+      after.poses[j] = move(motions[j], before.poses[j]);
+    return std::make_shared<const StampedParticles>(std::move(after));
+  };
+  for (StampedParticles::ConstPtr& particles : recent_) {
+    if (particles->odometry.stamp_s >= given.stamp_s) particles = moved(*particles);
+  }
+  for (FixToWeigh& fix : to_weigh_) {
+    if (fix.fix.stamp_s >= given.stamp_s) fix.particles = moved(*fix.particles);
+  }
+  const auto J = static_cast<double>(params_.particles);
+  lock.new_log_weights = std::make_shared<const Eigen::ArrayXd>(
+      Eigen::ArrayXd::Constant(static_cast<Eigen::Index>(params_.particles), -std::log(J)));
+}
+
+// ---- what is weighed ---------------------------------------------------------------------------
 
 std::vector<ParticleFilter::FixToWeigh> ParticleFilter::takeFixesToWeigh() {
   const std::lock_guard lock(writer_mutex_);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <vector>
 
 #include "rbpf_core/rigid.hpp"
@@ -25,6 +26,8 @@ struct PastCorrection {
   Pose2 of_rest;
   // Taken off the odometry's increments from now on; replaces the bias before it.
   MotionBias bias;
+  // How often particles had been drawn anew when this was found out.
+  std::uint32_t redraws = 0;
   // Whether maps are to follow, or may stay as they are: `past` is counted only if they are to.
   bool maps_follow = true;
 };

@@ -46,6 +46,8 @@ const char* nameOf(Reason reason) {
       return "in_gap";
     case Reason::kQueueFull:
       return "queue_full";
+    case Reason::kMappingPaused:
+      return "mapping_paused";
     case Reason::kSurveyOver:
       return "survey_over";
   }

@@ -34,6 +34,7 @@ enum class Reason {
   kNoOdometry,
   kInGap,
   kQueueFull,
+  kMappingPaused,
   kSurveyOver,
 };
 

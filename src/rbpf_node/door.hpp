@@ -1,6 +1,8 @@
 // The one way in for messages, live and from a bag.
 #pragma once
 
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+
 #include "rbpf_node/inputs/message_types.hpp"
 #include "rbpf_node/node.hpp"
 
@@ -14,7 +16,13 @@ class Door {
   // counts it and says why. receipt_s: when it came, or was recorded.
   void takeIn(rbpf_core::InputKind kind, const RawMessage& message, double receipt_s);
 
+  // What RViz's "2D Pose Estimate" gives; refused as fixes are.
+  void takeInitialPose(const geometry_msgs::PoseWithCovarianceStamped& message, double receipt_s);
+
  private:
+  template <typename Take>
+  void attempt(rbpf_core::InputKind kind, const Take& take);
+
   SlamNode& slam_;
 };
 

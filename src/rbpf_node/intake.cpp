@@ -105,6 +105,10 @@ void Intake::take(PingInput input, double receipt_s) {
   if (const auto refusal = gate(stamp_s, receipt_s).checkPing(stamp_s, input.frame, receipt_s)) {
     throw *refusal;
   }
+  if (paused_) {
+    throw Refusal(Reason::kMappingPaused,
+                  "ping of stamp " + std::to_string(stamp_s) + " s came while mapping was paused");
+  }
   if (input.frame == params_.frames.odom || input.frame == params_.frames.map) {
     takePlaced(input);
     lookAtNewPings();
@@ -122,6 +126,11 @@ void Intake::take(PingInput input, double receipt_s) {
   filter_.keepOdometrySince(unmounted_.earliestStamp());
   lookAtNewPings();
   tellFindings();
+}
+
+bool Intake::setPaused(bool paused) {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(paused_, paused);
 }
 
 // Beams that a driver has placed already: the odometry's own pose takes them back.
@@ -285,6 +294,7 @@ IntakeState Intake::state() const {
   IntakeState state;
   state.last_odometry = last_odometry_;
   state.pings_without_mount = unmounted_.size();
+  state.mapping_paused = paused_;
   state.refused = refused_;
   state.refused.add(filter_.snapshot().refused());
   state.findings = findings();

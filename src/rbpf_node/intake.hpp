@@ -31,6 +31,7 @@ enum class Input { kLive, kBag };
 struct IntakeState {
   ros::Time last_odometry;
   std::size_t pings_without_mount = 0;
+  bool mapping_paused = false;
   // by the intake and by the filter
   rbpf_core::RefusalCounts refused;
   std::vector<rbpf_core::Finding> findings;
@@ -59,6 +60,9 @@ class Intake {
   // Counts messages that were not taken in, and says so.
   void refuse(rbpf_core::InputKind kind, rbpf_core::Reason reason, const std::string& what);
   void refuse(const rbpf_core::RefusalCounts& refused);
+
+  // While paused, pings that come are refused. Returns whether it was.
+  bool setPaused(bool paused);
 
   // Takes in the pings whose mounts have come since.
   void retryUnmounted();
@@ -94,6 +98,7 @@ class Intake {
   rbpf_core::SurveyChecks checks_;
   MountQueue unmounted_;
   rbpf_core::RefusalCounts refused_;
+  bool paused_ = false;
   ros::Time last_odometry_;
   // before the first message nobody knows it
   std::optional<std::string> odometry_frame_;

@@ -3,9 +3,12 @@
 #include <tf2_ros/transform_listener.h>
 #include <topic_tools/shape_shifter.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <memory>
 #include <thread>
+#include <vector>
 
 #include "rbpf_node/door.hpp"
 #include "rbpf_node/spinning.hpp"
@@ -24,34 +27,78 @@ ros::Subscriber subscribe(ros::NodeHandle node, const std::string& topic, rbpf_c
       });
 }
 
+ros::Subscriber subscribeInitialPose(ros::NodeHandle node, rbpf_node::Door* door) {
+  using geometry_msgs::PoseWithCovarianceStamped;
+  return node.subscribe<PoseWithCovarianceStamped>(
+      "initialpose", 10, [door](const PoseWithCovarianceStamped::ConstPtr& message) {
+        door->takeInitialPose(*message, ros::Time::now().toSec());
+      });
+}
+
+// A survey from its start: all that it consists of is made anew for the next.
+class Survey {
+ public:
+  Survey(rbpf_node::Spinning* spinning, const rbpf_node::Parameters& params,
+         const rbpf_node::JournalParameters& journal)
+      : slam_(spinning->node(), spinning->privateNode(), params, rbpf_node::Input::kLive, journal),
+        transforms_(slam_.transforms()),
+        door_(&slam_) {
+    ros::NodeHandle& input = spinning->inputNode();
+    subscribers_ = {subscribe(input, "odom", rbpf_core::InputKind::kOdometry, &door_),
+                    subscribe(input, "mbes/pings", rbpf_core::InputKind::kPing, &door_),
+                    subscribe(input, "fixes", rbpf_core::InputKind::kFix, &door_),
+                    subscribeInitialPose(input, &door_)};
+    slam_.maps().listen();
+  }
+
+  void closeLoops() { slam_.closeLoops(); }
+
+ private:
+  rbpf_node::SlamNode slam_;
+  const tf2_ros::TransformListener transforms_;
+  rbpf_node::Door door_;
+  std::vector<ros::Subscriber> subscribers_;
+};
+
+// Of who asks for another survey: a smoothing of the old one may be under way.
+constexpr double kResetPatience_s = 300.0;
+
+void run() {
+  // Input has a thread of its own: it never waits for services, publications or the map nodes.
+  rbpf_node::Spinning spinning;
+  const auto params = rbpf_node::loadParameters(spinning.node());
+  auto journal = rbpf_node::loadJournalParameters(spinning.node(), spinning.privateNode());
+  auto survey = std::make_unique<Survey>(&spinning, params, journal);
+  rbpf_node::AskedStep asked_reset("the reset");
+  rbpf_node::TriggerServices triggers(spinning.privateNode());
+  triggers.add("reset",
+               [&] { return asked_reset.ask(kResetPatience_s, [] { return !ros::ok(); }); });
+  // a map node asks for minibatches and for blocks of beams; one more each for who exports the
+  // survey, and who waits for a prompt, a smoothing or a reset
+  spinning.start(2 * params.nodes + 4);
+  while (ros::ok()) {
+    survey->closeLoops();
+    if (asked_reset.isAsked()) {
+      survey.reset();  // at first: there is one of each topic and service
+      if (!journal.path.empty()) {
+        journal.resume = journal.overwrite = false;
+        ROS_WARN("The journal so far is %s.", rbpf_node::setAside(journal.path).c_str());
+      }
+      survey = std::make_unique<Survey>(&spinning, params, journal);
+      ROS_WARN("The survey starts over, as ~reset has asked.");
+      asked_reset.answer({true, "the survey starts over"});
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  spinning.stop();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "rbpf_core");
   try {
-    // Input has a thread of its own: it never waits for services, publications or the map nodes.
-    rbpf_node::Spinning spinning;
-    const auto params = rbpf_node::loadParameters(spinning.node());
-    const auto journal = rbpf_node::loadJournalParameters(spinning.privateNode());
-    rbpf_node::SlamNode slam(spinning.node(), spinning.privateNode(), params,
-                             rbpf_node::Input::kLive);
-    if (!journal.path.empty()) {
-      slam.keepJournal(journal, rbpf_node::parametersAsXml(spinning.node()));
-    }
-    const tf2_ros::TransformListener listener(slam.transforms());
-    rbpf_node::Door door(&slam);
-    ros::NodeHandle& input = spinning.inputNode();
-    const auto odometry = subscribe(input, "odom", rbpf_core::InputKind::kOdometry, &door);
-    const auto pings = subscribe(input, "mbes/pings", rbpf_core::InputKind::kPing, &door);
-    const auto fixes = subscribe(input, "fixes", rbpf_core::InputKind::kFix, &door);
-    slam.maps().listen();
-    // a map node asks for minibatches and for blocks of beams; one more for who exports the survey
-    spinning.start(2 * params.nodes + 1);
-    while (ros::ok()) {
-      slam.closeLoops();
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    spinning.stop();
+    run();
   } catch (const std::exception& error) {
     // rosconsole has been shut down with the last node handle
     std::fprintf(stderr, "[FATAL] %s: %s\n", argv[0], error.what());

@@ -61,9 +61,10 @@ void expectSuccess(const std::vector<Answer<Service>>& answers) {
 
 }  // namespace
 
-MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params)
+MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params, std::uint64_t survey)
     : node_(std::move(node)),
       nodes_(params.nodes),
+      survey_(survey),
       origin_(params.filter.origin),
       predict_timeout_s_(params.loop_closure_timeout_s),
       resampling_timeout_s_(params.resampling_timeout_s),
@@ -99,6 +100,7 @@ rbpf_core::MapsState MapNodes::state(std::uint32_t epoch) const {
   rbpf_core::MapsState state;
   state.nodes = nodes_;
   for (const auto& [node, status] : latest_) {
+    if (status.survey != survey_) continue;
     state.steps += status.steps;
     if (status.epoch != epoch) continue;
     ++state.nodes_heard;
@@ -114,6 +116,7 @@ rbpf_core::PingPrediction MapNodes::predict(std::uint32_t epoch,
   const Eigen::Index n = ping.levelled_m.cols();
   std::vector<PredictBeams::Request> requests(nodes_);
   for (PredictBeams::Request& request : requests) {
+    request.survey = survey_;
     request.epoch = epoch;
     request.points = static_cast<std::uint32_t>(n);
   }
@@ -138,6 +141,7 @@ rbpf_core::PingPrediction MapNodes::predict(std::uint32_t epoch,
 rbpf_core::MovedMaps MapNodes::prepare(std::uint32_t epoch,
                                        const std::vector<std::uint32_t>& ancestors) {
   PrepareResampling::Request request;
+  request.survey = survey_;
   request.epoch = epoch;
   request.ancestors = ancestors;
   const auto answers = callAll<PrepareResampling>(

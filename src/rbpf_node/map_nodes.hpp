@@ -18,7 +18,8 @@ namespace rbpf_node {
 // each node that failed, or a std::invalid_argument that names the answer which is malformed.
 class MapNodes : public rbpf_core::Maps {
  public:
-  MapNodes(ros::NodeHandle node, const Parameters& params);
+  // survey: maps of another one are none of ours; 0: the only one that there is.
+  MapNodes(ros::NodeHandle node, const Parameters& params, std::uint64_t survey = 0);
 
   // Where the nodes' states come from: their status topics, or whoever hands them over.
   void listen();
@@ -40,6 +41,7 @@ class MapNodes : public rbpf_core::Maps {
 
   ros::NodeHandle node_;
   const std::size_t nodes_;
+  const std::uint64_t survey_;
   const rbpf_core::Origin origin_;
   const double predict_timeout_s_;
   const double resampling_timeout_s_;

@@ -3,8 +3,10 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <random>
 #include <utility>
 
+#include "rbpf_core/decimal.hpp"
 #include "rbpf_core/resampling.hpp"
 
 namespace rbpf_node {
@@ -13,11 +15,25 @@ namespace {
 
 constexpr double kPromptErrorPeriod_s = 10.0;
 constexpr double kInputStale_s = 5.0;
+// Of who asks for a smoothing: maps may have to follow the last one first.
+constexpr double kSmoothingPatience_s = 300.0;
 
 double peakResidentMb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) * 1024.0 / 1e6;  // Linux counts in KiB
+}
+
+// Of a survey, so that map nodes know it from any other. One that is resumed keeps its own. Of a
+// bag there is one survey, and its replays are alike.
+std::uint64_t drawnToken() {
+  std::random_device random;
+  return (std::uint64_t{random()} << 32U | random()) | 1U;  // never 0
+}
+
+std::uint64_t tokenOf(Input input, const JournalParameters& journal) {
+  if (input == Input::kBag) return 0;
+  return journal.resume ? rbpf_core::surveyIn(journal.path) : drawnToken();
 }
 
 rbpf_core::LoopClosingParams loopClosingParams(const Parameters& params) {
@@ -28,18 +44,21 @@ rbpf_core::LoopClosingParams loopClosingParams(const Parameters& params) {
 }  // namespace
 
 SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
-                   Input input)
+                   Input input, const JournalParameters& journal)
     : params_(params),
+      survey_(tokenOf(input, journal)),
       filter_(params.filter),
-      maps_(node, params),
+      maps_(node, params, survey_),
       loop_closing_(filter_, maps_, loopClosingParams(params)),
       input_(input),
       smoothing_(&filter_, params.smoothing, input, [this] { return haveMapsFollowed(); }),
-      services_(private_node, filter_, loop_closing_, smoothing_),
+      services_(private_node, survey_, filter_, loop_closing_, smoothing_),
       publishers_(private_node, filter_, params),
       diagnostics_(node, private_node, ros::this_node::getName()),
-      intake_(params, input, transforms_, &filter_) {
-  finish_server_ = private_node.advertiseService("finish", &SlamNode::serveFinish, this);
+      intake_(params, input, transforms_, &filter_),
+      triggers_(private_node) {
+  if (!journal.path.empty()) keepJournal(journal);
+  advertiseTriggers();
   diagnostics_.setHardwareID("none");
   diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
   diagnostics_.add("survey", [this](auto& report) { diagnoseSurvey(report); });
@@ -50,8 +69,9 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
                                          [this](const ros::WallTimerEvent&) { publishOverview(); });
 }
 
-void SlamNode::keepJournal(const JournalParameters& params, const std::string& settings) {
-  journal_.emplace(params, settings, &filter_, &loop_closing_);
+void SlamNode::keepJournal(const JournalParameters& params) {
+  journal_.emplace(params, rbpf_core::ProgramSettings{survey_, params.program}, &filter_,
+                   &loop_closing_);
   intake_.resume();
   diagnostics_.add("journal", [this](auto& report) { diagnoseJournal(report); });
 }
@@ -71,21 +91,65 @@ void SlamNode::handle(PingInput input, double receipt_s) {
 
 void SlamNode::handle(const FixInput& input, double receipt_s) { intake_.take(input, receipt_s); }
 
-bool SlamNode::serveFinish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  finish();
-  // Offline there is nobody to wait for: the replay itself sees to the end.
-  if (input_ == Input::kLive) smoothing_.awaitLast([] { return !ros::ok(); });
-  response.success = true;
-  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
-  response.message =
-      std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams";
-  return true;
-}
-
 void SlamNode::finish() {
   intake_.finish();
   smoothing_.finish();
   if (input_ == Input::kBag) smoothing_.work();
+}
+
+// ---- what may be asked for -----------------------------------------------------------------
+
+// Of a bag nothing but its end: the same replay is to give the same result.
+void SlamNode::advertiseTriggers() {
+  triggers_.add("finish", [this] { return finishAndWait(); });
+  if (input_ == Input::kBag) return;
+  const auto is_ending = [this] { return ends_ || !ros::ok(); };
+  // all that a prompt may wait for, twice: a step may be under way
+  const double prompt_patience_s =
+      2.0 * (params_.loop_closure_timeout_s + 2.0 * params_.resampling_timeout_s);
+  triggers_.add("prompt", [=] { return asked_prompt_.ask(prompt_patience_s, is_ending); });
+  triggers_.add("smooth", [=] { return smoothing_.smoothNow(kSmoothingPatience_s, is_ending); });
+  triggers_.add("pause_mapping", [this] { return pauseMapping(true); });
+  triggers_.add("resume_mapping", [this] { return pauseMapping(false); });
+}
+
+Answer SlamNode::finishAndWait() {
+  finish();
+  // Offline there is nobody to wait for: the replay itself sees to the end.
+  if (input_ == Input::kLive) smoothing_.awaitLast([this] { return ends_ || !ros::ok(); });
+  const rbpf_core::FilterSnapshot filter = filter_.snapshot();
+  return {true,
+          std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams"};
+}
+
+Answer SlamNode::promptNow() {
+  using rbpf_core::StepOutcome;
+  const rbpf_core::AskedPrompt asked = loop_closing_.promptNow();
+  std::string message;
+  if (asked.has_weighed) {
+    message = "N_eff was " + rbpf_core::decimal(asked.n_eff_before, 1) + ", is " +
+              rbpf_core::decimal(asked.n_eff_weighed, 1) + " of " +
+              std::to_string(params_.filter.particles) + " by this ping; ";
+    if (asked.outcome == StepOutcome::kResampled) {
+      message += asked.why.empty() ? "resampled" : "resampled, but ";
+    } else if (asked.outcome == StepOutcome::kPrompted) {
+      message +=
+          "not resampled: that is for N_eff below " +
+          rbpf_core::decimal(
+              params_.resampling_threshold * static_cast<double>(params_.filter.particles), 1);
+    }
+  } else {
+    message = "not weighed: ";
+  }
+  const bool went_well =
+      asked.outcome == StepOutcome::kPrompted || asked.outcome == StepOutcome::kResampled;
+  return {asked.has_weighed && went_well, message + asked.why};
+}
+
+Answer SlamNode::pauseMapping(bool pause) {
+  const bool was_paused = intake_.setPaused(pause);
+  const std::string what = pause ? "pings are not taken in" : "pings are taken in";
+  return {true, what + (was_paused == pause ? ", as before" : " from now on")};
 }
 
 // ---- loop closing --------------------------------------------------------------------------
@@ -99,6 +163,7 @@ bool SlamNode::haveMapsFollowed() const {
 void SlamNode::closeLoops() {
   using rbpf_core::StepOutcome;
   smoothing_.work();
+  if (asked_prompt_.isAsked()) asked_prompt_.answer(promptNow());
   const auto [outcome, problem] = loop_closing_.step();
   if (problem.empty()) return;
   if (outcome == StepOutcome::kFailed) {
@@ -120,6 +185,7 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   Eigen::Index best = 0;
   weights.maxCoeff(&best);
   status.header.frame_id = params_.frames.map;
+  status.survey = survey_;
   status.particles = static_cast<std::uint32_t>(params_.filter.particles);
   status.nodes = static_cast<std::uint32_t>(params_.nodes);
   status.n_eff = rbpf_core::effectiveParticles(weights);
@@ -157,6 +223,7 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
   status->past = filter.past();
   status->velocity_source = use.source() == rbpf_core::MotionSource::kTwist ? "twist" : "pose";
   status->odometry_gaps = use.gaps();
+  status->mapping_paused = intake.mapping_paused;
   status->ping_age_p99_s = intake.ping_age_p99_s;
   status->ping_age_max_s = intake.ping_age_max_s;
 }
@@ -206,6 +273,8 @@ void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report
     report.summary(DiagnosticStatus::WARN, "no odometry yet");
   } else if (age_s > kInputStale_s) {
     report.summaryf(DiagnosticStatus::WARN, "no odometry for %.1f s", age_s);
+  } else if (now.mapping_paused) {
+    report.summary(DiagnosticStatus::WARN, "mapping is paused: pings are not taken in");
   } else if (!now.refusal_reasons.empty()) {
     report.summary(DiagnosticStatus::WARN, "messages were lost or refused");
   } else {

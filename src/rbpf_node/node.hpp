@@ -5,8 +5,9 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
-#include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
+
+#include <atomic>
 
 #include "rbpf_core/loop_closing.hpp"
 #include "rbpf_node/intake.hpp"
@@ -15,26 +16,27 @@
 #include "rbpf_node/services.hpp"
 #include "rbpf_node/smoothing_worker.hpp"
 #include "rbpf_node/survey_journal.hpp"
+#include "rbpf_node/trigger_services.hpp"
 
 namespace rbpf_node {
 
 class SlamNode {
  public:
   // Timers go on `node`'s callback queue, services on `private_node`'s.
-  SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
-           Input input);
-
-  // Before anything is taken in: resumes the survey of a journal, if so told, and keeps it. Throws
+  // journal: of a live node; its survey is resumed before anything is taken in, if so told. Throws
   // as SurveyJournal does.
-  void keepJournal(const JournalParameters& params, const std::string& settings);
+  SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Parameters& params,
+           Input input, const JournalParameters& journal = {});
+  // Waits for a smoothing that is under way; nobody who waits for a step gets it.
+  ~SlamNode() { ends_ = true; }
 
   // receipt_s: when the message came, or was recorded. Throws Refusal.
   void handle(const OdometryInput& input, double receipt_s);
   void handle(PingInput input, double receipt_s);
   void handle(const FixInput& input, double receipt_s);
 
-  // A step of Algorithm 2, if one is due, and the smoothing of the past; waits for the map nodes,
-  // and logs what goes wrong. To be called from one thread, as often as you like.
+  // A step of Algorithm 2, if one is due or asked for, and the smoothing of the past; waits for the
+  // map nodes, and logs what goes wrong. To be called from one thread, as often as you like.
   void closeLoops();
 
   // The survey is over; from a bag, the past is smoothed once more before it returns.
@@ -47,8 +49,12 @@ class SlamNode {
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
 
  private:
+  void keepJournal(const JournalParameters& params);
   bool haveMapsFollowed() const;
-  bool serveFinish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  void advertiseTriggers();
+  Answer finishAndWait();
+  Answer promptNow();
+  Answer pauseMapping(bool pause);
   void publishOverview();
   rbpf_svgp_slam::FilterStatus status() const;
   void tellInput(const rbpf_core::FilterSnapshot& filter,
@@ -61,12 +67,14 @@ class SlamNode {
   void diagnoseJournal(diagnostic_updater::DiagnosticStatusWrapper& report) const;
 
   const Parameters params_;
+  const std::uint64_t survey_;
   rbpf_core::ParticleFilter filter_;
   MapNodes maps_;
   rbpf_core::LoopClosing loop_closing_;
   std::optional<SurveyJournal> journal_;
   const Input input_;
   SmoothingWorker smoothing_;
+  AskedStep asked_prompt_{"the prompt"};
   Services services_;
   Publishers publishers_;
   tf2_ros::Buffer transforms_;
@@ -74,7 +82,8 @@ class SlamNode {
 
   Intake intake_;
 
-  ros::ServiceServer finish_server_;
+  std::atomic<bool> ends_{false};
+  TriggerServices triggers_;
   // last: what it calls needs all of the above
   ros::WallTimer overview_timer_;
 };

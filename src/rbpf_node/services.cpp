@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
 
 #include "rbpf_node/beam_requests.hpp"
 #include "rbpf_node/conversions.hpp"
@@ -9,6 +10,9 @@
 namespace rbpf_node {
 
 namespace {
+
+// At once: some 150 MB with a thousand beams each.
+constexpr std::uint64_t kMostPings = 10000;
 
 void appendPose(const rbpf_core::Pose2& pose, const rbpf_core::Attitude& attitude,
                 std::vector<std::uint8_t>* bytes) {
@@ -46,9 +50,10 @@ rbpf_svgp_slam::Closure toMessage(const rbpf_core::smoothing::Closure& closure) 
 
 }  // namespace
 
-Services::Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
+Services::Services(ros::NodeHandle private_node, std::uint64_t survey,
+                   const rbpf_core::ParticleFilter& filter,
                    const rbpf_core::LoopClosing& loop_closing, const SmoothingWorker& smoothing)
-    : filter_(filter), loop_closing_(loop_closing), smoothing_(smoothing) {
+    : survey_(survey), filter_(filter), loop_closing_(loop_closing), smoothing_(smoothing) {
   using rbpf_svgp_slam::GetBeams;
   using rbpf_svgp_slam::GetMinibatches;
   minibatch_server_ = private_node.advertiseService(
@@ -65,6 +70,7 @@ bool Services::serveBeams(Request& request, Response& response) {
   // Before any beam is placed: beams that a resampling overtakes carry the epoch before it, and the
   // map nodes drop them.
   const rbpf_core::LoopClosing::Progress progress = loop_closing_.progress();
+  response.survey = survey_;
   response.epoch = progress.epoch;
   response.resampling = progress.resampling;
   answer(filter_, request, &response);
@@ -74,6 +80,11 @@ bool Services::serveBeams(Request& request, Response& response) {
 
 bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
                         rbpf_svgp_slam::GetPings::Response& response) {
+  if (request.count > kMostPings) {
+    response.message = "count is " + std::to_string(request.count) + ", expected at most " +
+                       std::to_string(kMostPings) + " pings";
+    return true;
+  }
   const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
   response.pings_total = snapshot.pings();
   const auto smoothed = smoothing_.result();

@@ -12,9 +12,10 @@ namespace rbpf_node {
 
 class Services {
  public:
-  // Advertises ~get_minibatches, ~get_beams, ~get_pings and ~get_closures.
-  Services(ros::NodeHandle private_node, const rbpf_core::ParticleFilter& filter,
-           const rbpf_core::LoopClosing& loop_closing, const SmoothingWorker& smoothing);
+  // Advertises ~get_minibatches, ~get_beams, ~get_pings and ~get_closures. survey: its token.
+  Services(ros::NodeHandle private_node, std::uint64_t survey,
+           const rbpf_core::ParticleFilter& filter, const rbpf_core::LoopClosing& loop_closing,
+           const SmoothingWorker& smoothing);
 
  private:
   // For ~get_minibatches and ~get_beams.
@@ -25,6 +26,7 @@ class Services {
   bool getClosures(rbpf_svgp_slam::GetClosures::Request& request,
                    rbpf_svgp_slam::GetClosures::Response& response);
 
+  const std::uint64_t survey_;
   const rbpf_core::ParticleFilter& filter_;
   const rbpf_core::LoopClosing& loop_closing_;
   const SmoothingWorker& smoothing_;

@@ -3,9 +3,11 @@
 #include <ros/console.h>
 
 #include <chrono>
+#include <filesystem>
 
 #include "rbpf_core/journal/filter_settings.hpp"
 #include "rbpf_node/parameter_reader.hpp"
+#include "rbpf_node/parameters.hpp"
 
 namespace rbpf_node {
 
@@ -38,16 +40,28 @@ JournalParameters validJournalParameters(XmlRpc::XmlRpcValue tree) {
   return params;
 }
 
-JournalParameters loadJournalParameters(const ros::NodeHandle& private_node) {
+JournalParameters loadJournalParameters(const ros::NodeHandle& node,
+                                        const ros::NodeHandle& private_node) {
   XmlRpc::XmlRpcValue tree;
   tree["~journal"] = std::string();
   tree["~resume"] = false;
   tree["~overwrite"] = false;
   for (auto& [name, value] : tree) private_node.getParam(name.substr(1), value);
-  return validJournalParameters(tree);
+  JournalParameters params = validJournalParameters(tree);
+  params.program = parametersAsXml(node);
+  return params;
 }
 
-SurveyJournal::SurveyJournal(const JournalParameters& params, const std::string& settings,
+std::string setAside(const std::string& path) {
+  int number = 1;
+  while (std::filesystem::exists(path + "." + std::to_string(number))) ++number;
+  const std::string aside = path + "." + std::to_string(number);
+  std::filesystem::rename(path, aside);
+  return aside;
+}
+
+SurveyJournal::SurveyJournal(const JournalParameters& params,
+                             const rbpf_core::ProgramSettings& settings,
                              rbpf_core::ParticleFilter* filter,
                              rbpf_core::LoopClosing* loop_closing)
     : path_(params.path), filter_(*filter), loop_closing_(*loop_closing) {
@@ -60,7 +74,7 @@ SurveyJournal::SurveyJournal(const JournalParameters& params, const std::string&
         tellFailure);
     writer_->onChange(rbpf_core::settingsOf(filter_.params()));
   }
-  writer_->onChange(rbpf_core::ProgramSettings{settings});
+  writer_->onChange(settings);
   writer_->settle();
   filter_.observe(writer_.get());
   loop_closing_.observe(writer_.get());

@@ -20,18 +20,25 @@ struct JournalParameters {
   bool resume = false;
   // ~overwrite: a file that is there already is lost. Otherwise it is refused.
   bool overwrite = false;
+  // All parameters of the program.
+  std::string program;
 };
 
 // Throws std::invalid_argument that names the parameter, its value and what was expected.
 JournalParameters validJournalParameters(XmlRpc::XmlRpcValue tree);
-JournalParameters loadJournalParameters(const ros::NodeHandle& private_node);
+// With all parameters as the server has them, for who reads the journal.
+JournalParameters loadJournalParameters(const ros::NodeHandle& node,
+                                        const ros::NodeHandle& private_node);
+
+// A survey is over, and its journal is kept under another name: PATH.1, PATH.2, ... Returns it.
+std::string setAside(const std::string& path);
 
 class SurveyJournal {
  public:
   // Brings filter and loop closing to where the journal ends if it is to be resumed, and writes
-  // down from now on what changes them; neither has begun yet. settings: all parameters, for who
-  // reads the journal. Throws std::runtime_error as JournalWriter and resumeFrom do.
-  SurveyJournal(const JournalParameters& params, const std::string& settings,
+  // down from now on what changes them; neither has begun yet. Throws std::runtime_error as
+  // JournalWriter and resumeFrom do.
+  SurveyJournal(const JournalParameters& params, const rbpf_core::ProgramSettings& settings,
                 rbpf_core::ParticleFilter* filter, rbpf_core::LoopClosing* loop_closing);
   ~SurveyJournal();
 

@@ -91,6 +91,7 @@ inline std::string stateOf(const ParticleFilter& of) {
   seen.pose(estimate.dead_reckoning);
   seen.number(filter.past());
   seen.number(filter.bias().surge_mps);
+  seen.number(filter.redraws());
   std::vector<std::uint32_t> all(of.params().particles);
   for (std::uint32_t j = 0; j < all.size(); ++j) all[j] = j;
   const LogBlock log = filter.logBlock(all, 0, filter.beamsReleased());
@@ -185,6 +186,7 @@ class ChanceSurvey {
       }
       correction.of_rest = {0.3, -0.2, 0.001};
       correction.bias = {0.01, 0.0, 0.0001};
+      correction.redraws = snapshot.redraws();
       correction.maps_follow = chance(0.5);
       filter->correctPast(correction);
     } else if (what < 0.9) {
@@ -192,7 +194,11 @@ class ChanceSurvey {
       if (chance(0.5)) error.last_fix_s = now_s_ - 10.0;
       filter->setKnownError(error);
     } else {
-      filter->takeFixesToWeigh();
+      const auto fixes = filter->takeFixesToWeigh();
+      if (fixes.empty() || chance(0.5)) return;
+      Fix given = fixes.back().fix;
+      given.heading = Heading{uniform(0.0, 1.0), 0.01};
+      filter->drawAnew(given, fixes.back().particles->poses);
     }
   }
 

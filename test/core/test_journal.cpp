@@ -130,7 +130,7 @@ TEST_F(Journal, KeepsWhereLoopClosingWas) {
     sail(filter, turning, 0, 5);
     filter.resample({0, 1, 1, 3, 4, 5});
     journal->onChange(LoopClosingState{3.5, 7, 1, 2, 3, 4, 5});
-    journal->onChange(ProgramSettings{"all of them"});
+    journal->onChange(ProgramSettings{77, "all of them"});
     filter.observe(nullptr);
   }
   ParticleFilter resumed(journalledParams());
@@ -139,7 +139,8 @@ TEST_F(Journal, KeepsWhereLoopClosingWas) {
   EXPECT_EQ(survey.loop_closing.last_prompt_s, 3.5);
   EXPECT_EQ(survey.loop_closing.prompts, 7U);
   EXPECT_EQ(survey.loop_closing.bytes_moved, 5U);
-  EXPECT_EQ(survey.settings, "all of them");
+  EXPECT_EQ(survey.settings.survey, 77U);
+  EXPECT_EQ(survey.settings.text, "all of them");
 }
 
 // ---- what is refused -----------------------------------------------------------------------

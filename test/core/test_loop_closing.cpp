@@ -109,6 +109,62 @@ TEST_F(LoopClosingTest, WaitsForEveryNodesMapsToFollowACorrectedPast) {
   EXPECT_EQ(closing.step().outcome, StepOutcome::kPrompted);
 }
 
+// ---- prompts that are asked for ----------------------------------------------------------------
+
+TEST_F(LoopClosingTest, WeighsTheLatestPingWhenAskedWhateverTheRate) {
+  maps.error_m << 0.0, 0.1, 0.2, 0.3;
+  LoopClosingParams params = productRule(0.0);
+  params.rate_hz = 0.0;
+  LoopClosing never(filter, maps, params);
+  const AskedPrompt asked = never.promptNow();
+  EXPECT_EQ(asked.outcome, StepOutcome::kPrompted);
+  EXPECT_TRUE(asked.has_weighed);
+  EXPECT_EQ(asked.why, "");
+  EXPECT_NEAR(asked.n_eff_before, 4.0, 1e-9);
+  EXPECT_EQ(asked.n_eff_weighed, effectiveParticles(weights()));
+  EXPECT_LT(asked.n_eff_weighed, 3.9);
+}
+
+TEST_F(LoopClosingTest, WeighsNoPingTwiceBecauseItIsAskedTo) {
+  maps.error_m << 0.0, 0.1, 0.2, 0.3;
+  closing.step();
+  const Eigen::ArrayXd once = weights();
+  const AskedPrompt asked = closing.promptNow();
+  EXPECT_EQ(asked.outcome, StepOutcome::kNotDue);
+  EXPECT_FALSE(asked.has_weighed);
+  EXPECT_EQ(asked.why, "the latest ping has been weighed already");
+  EXPECT_TRUE(weights().isApprox(once));
+  sailOn();
+  EXPECT_TRUE(closing.promptNow().has_weighed);
+  EXPECT_FALSE(closing.isDue());  // the rate counts from there
+}
+
+TEST_F(LoopClosingTest, SaysWhyAPromptThatIsAskedForCannotBeMade) {
+  ParticleFilter empty(noisyParams(kParticles));
+  LoopClosing waiting(empty, maps, productRule(0.5));
+  EXPECT_EQ(waiting.promptNow().why, "no ping has been taken in");
+  maps.ready = 3;
+  const AskedPrompt not_ready = closing.promptNow();
+  EXPECT_EQ(not_ready.outcome, StepOutcome::kNotReady);
+  EXPECT_EQ(not_ready.why, "maps are training: 3 of 4 are ready");
+  maps.ready = 4;
+  maps.on_predict = [](PingPrediction*) { throw std::runtime_error("node 1 is gone"); };
+  const AskedPrompt failed = closing.promptNow();
+  EXPECT_EQ(failed.outcome, StepOutcome::kFailed);
+  EXPECT_FALSE(failed.has_weighed);
+  EXPECT_EQ(failed.why, "node 1 is gone");
+  EXPECT_TRUE(weightsAreUniform());
+}
+
+TEST_F(LoopClosingTest, ResamplesAfterAPromptThatWasAskedFor) {
+  maps.error_m << 0.0, 0.5, 0.5, 0.5;
+  LoopClosing resampling(filter, maps, productRule(0.5));
+  const AskedPrompt asked = resampling.promptNow();
+  EXPECT_EQ(asked.outcome, StepOutcome::kResampled);
+  EXPECT_LT(asked.n_eff_weighed, 2.0);  // of the weights that led to it
+  EXPECT_TRUE(weightsAreUniform());
+}
+
 // ---- weights -----------------------------------------------------------------------------------
 
 TEST_F(LoopClosingTest, WeighsTheParticlesByWhatTheirMapsPredict) {

@@ -52,6 +52,36 @@ rbpf_core::Fix read(const sensor_msgs::NavSatFix& message, const FixInputParams&
 
 const Eigen::Matrix2d kTold = (Eigen::Matrix2d() << 4.0, 1.0, 1.0, 9.0).finished();
 
+TEST(FromInitialPose, TakesTheHeadingToo) {
+  geometry_msgs::PoseWithCovarianceStamped message = poseMessage();
+  message.pose.pose.orientation.z = std::sin(1.25);
+  message.pose.pose.orientation.w = std::cos(1.25);
+  message.pose.covariance[35] = 0.04;
+  const rbpf_core::Fix fix = toFix(fromInitialPose(message), kFrames, kParams);
+  EXPECT_EQ(fix.position_m, Eigen::Vector2d(10.0, -20.0));
+  EXPECT_EQ(fix.covariance_m2, kTold);
+  EXPECT_NEAR(fix.heading.value().yaw_rad, 2.5, 1e-12);
+  EXPECT_EQ(fix.heading->variance_rad2, 0.04);
+  EXPECT_FALSE(read(poseMessage()).heading.has_value());
+}
+
+TEST(FromInitialPose, RefusesWhatIsNoRotationOrHasNoVariance) {
+  geometry_msgs::PoseWithCovarianceStamped message = poseMessage();
+  message.pose.covariance[35] = 0.04;
+  const auto reading = [&] { fromInitialPose(message); };
+  EXPECT_EQ(errorOf(reading), "initialpose's orientation has the norm 0.000000, expected 1");
+  message.pose.pose.orientation.w = 1.0;
+  EXPECT_EQ(errorOf(reading), "");
+  for (const std::size_t i : {0U, 7U, 35U}) {
+    for (const double bad : {0.0, -1.0, std::numeric_limits<double>::infinity()}) {
+      auto refused = message;
+      refused.pose.covariance[i] = bad;
+      const std::string error = errorOf([&] { fromInitialPose(refused); });
+      EXPECT_NE(error.find("expected finite and above 0"), std::string::npos) << i << " " << bad;
+    }
+  }
+}
+
 TEST(FromPoseWithCovariance, TakesStampPositionAndItsCovariance) {
   const rbpf_core::Fix fix = read(poseMessage());
   EXPECT_DOUBLE_EQ(fix.stamp_s, 100.25);

@@ -31,6 +31,7 @@ class Core:
         self.log = np.column_stack([xy, z]).astype(np.float32)
         self.N, self.epoch, self.past, self.rng = 0, 0, 0, rng
         self.samples, self.reads, self.gone = [], [], False
+        self.survey = 7
 
     def placed(self, particle, indices):
         return self.log[indices] + np.float32([0.01 * particle, 0.0, 0.0])
@@ -39,7 +40,9 @@ class Core:
     def take(self, timeout_s):
         self.asked = list(self.particles())
         beams = [self.placed(j, self.rng.integers(0, self.N, self.size)) for j in self.asked]
-        return Minibatches(self.epoch, self.epoch, False, self.past, self.N, np.array(beams))
+        return Minibatches(
+            self.epoch, self.epoch, False, self.past, self.N, np.array(beams), self.survey
+        )
 
     def refresh(self):
         pass
@@ -97,6 +100,22 @@ def test_minibatches_train_every_map_in_turn(core):
     assert core.asked == [0, 1, 2]
     assert [engine.iterations for engine in store.maps().values()] == [4, 4, 4]
     assert store.steps == 12
+
+
+@pytest.mark.parametrize(
+    "training_class, optimizer", [(MinibatchTraining, "natgrad"), (StreamTraining, "streaming")]
+)
+def test_maps_learn_nothing_of_another_survey(core, training_class, optimizer):
+    store, _, node = make(training_class, optimizer)
+    core.N = 500
+    node.advance()
+    steps = store.steps
+    assert steps > 0 and not store.superseded
+    core.survey, core.epoch = 8, 3
+    node.advance()
+    node.advance()
+    assert store.superseded, "the node has to make its maps anew"
+    assert (store.steps, store.epoch, store.survey) == (steps, 0, 7)
 
 
 def test_a_map_that_fails_does_not_stop_the_others(core, monkeypatch):

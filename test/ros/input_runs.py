@@ -43,7 +43,12 @@ CONFIG = {
     },
     "lc": {"rate_hz": 0.05},
     "offline": {"steps_per_second": 1.0},
-    "output": {"final_training_s": 0.0, "time_lapse_period_s": 0.0, "publish_rate_hz": 5.0},
+    "output": {
+        "final_training_s": 0.0,
+        "publish_rate_hz": 5.0,
+        "figures": False,
+        "time_lapse_period_s": 0.0,
+    },
 }
 #: DR's error of the base survey is 0.7 m. A case may begin somewhat later or lack a few messages,
 #: but no wrong twist, sign or unit of a survey of 200 m stays below.

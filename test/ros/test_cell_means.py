@@ -3,6 +3,7 @@
 
 import time
 import unittest
+from functools import partial
 
 import numpy as np
 import rospy
@@ -85,9 +86,11 @@ class CellMeansTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.core = FakeCore()
-        cls.predict = [service(k, "predict", srv.PredictBeams) for k in range(NODES)]
+        # of survey 0, as in an offline replay
+        cls.predict = [partial(service(k, "predict", srv.PredictBeams), 0) for k in range(NODES)]
         cls.prepare = [
-            service(k, "prepare_resampling", srv.PrepareResampling) for k in range(NODES)
+            partial(service(k, "prepare_resampling", srv.PrepareResampling), 0)
+            for k in range(NODES)
         ]
         cls.commit = [service(k, "commit_resampling", srv.CommitResampling) for k in range(NODES)]
         cls.get_maps = [service(k, "get_maps", srv.GetMaps) for k in range(NODES)]

@@ -10,11 +10,12 @@ import roslib.packages
 import rospy
 import rostest
 import tf2_ros
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
@@ -201,6 +202,80 @@ class CoreTest(unittest.TestCase):
             self.assertIn(expected[reason], example)
         self.assertEqual((status.pings_rejected, status.pings_dropped), (2, 0))
         self.assertEqual((status.pings, status.pings_waiting), (DURATION_S, DURATION_S))
+
+    def test_what_cannot_be_done_when_asked_says_why(self):
+        prompt = service("prompt", Trigger)()
+        self.assertFalse(prompt.success)
+        self.assertEqual(prompt.message, "not weighed: waiting for map nodes: 0 of 1 have reported")
+        # one straight line
+        smooth = service("smooth", Trigger)()
+        self.assertTrue(smooth.success, smooth.message)
+        self.assertIn("0 new closures, 0 of them accepted", smooth.message)
+        self.assertIn("the past stays where it is", smooth.message)
+
+    def test_while_mapping_is_paused_pings_are_refused_and_the_pose_goes_on(self):
+        """After all before it by its name, for the survey goes on in it."""
+        pause, resume = (service(f"{what}_mapping", Trigger) for what in ("pause", "resume"))
+        self.assertEqual(pause().message, "pings are not taken in from now on")
+        self.assertEqual(pause().message, "pings are not taken in, as before")
+        self.pings.publish(ping(DURATION_S + 1))
+        self.moves.publish(odometry(DURATION_S + 1))
+        status = self.await_status(
+            lambda now: now.header.stamp.to_sec() > DURATION_S
+            and "pings/mapping_paused" in now.refusal_reasons
+        )
+        self.assertTrue(status.mapping_paused)
+        self.assertEqual(status.pings, DURATION_S)
+        self.assertTrue(resume().success)
+        self.pings.publish(ping(DURATION_S + 2))
+        self.moves.publish(odometry(DURATION_S + 2))
+        status = self.await_status(lambda now: now.pings > DURATION_S)
+        self.assertFalse(status.mapping_paused)
+
+    def test_with_a_reset_the_survey_starts_over(self):
+        """After even that, by its name."""
+        before = self.await_status(lambda now: now.survey != 0)
+        reset = service("reset", Trigger)()
+        self.assertTrue(reset.success, reset.message)
+        status = self.await_status(lambda now: now.survey != before.survey)
+        self.assertEqual((status.pings, status.odometry_messages), (0, 0))
+        self.assertEqual(list(status.refusal_reasons), [])
+        self.assertEqual(self.get_pings(0, 1).pings_total, 0)
+        start = PoseWithCovarianceStamped(header=Header(stamp=rospy.Time(1), frame_id="map"))
+        start.pose.pose.position.x, start.pose.pose.position.y = 120.0, 10.0
+        start.pose.pose.orientation.z = start.pose.pose.orientation.w = np.sqrt(0.5)
+        for i in (0, 7, 35):
+            start.pose.covariance[i] = 1e-6
+        # what lies in another frame is refused, and is no start
+        elsewhere = PoseWithCovarianceStamped(
+            header=Header(stamp=start.header.stamp), pose=start.pose
+        )
+        elsewhere.header.frame_id = "odom"
+        given = publisher("initialpose", PoseWithCovarianceStamped)
+        given.publish(elsewhere)
+        given.publish(start)
+        status = self.await_status(lambda now: now.refusal_reasons)
+        self.assertEqual(list(status.refusal_reasons), ["fixes/wrong_frame"])
+        self.assertIn("'odom', expected 'map'", status.refusal_examples[0])
+        for topic in (self.moves, self.pings, self.broadcaster.pub_tf):
+            await_listener(topic)
+        for stamp_s in (1, 2):
+            self.moves.publish(odometry(stamp_s))
+            self.pings.publish(ping(stamp_s))
+        self.await_status(lambda now: now.pings == 2)
+        poses = np.frombuffer(self.get_pings(0, 2).estimate, "<f8").reshape(2, 6)
+        # 2 m/s to where it points; the odometry's noise in a second is a few centimetres
+        np.testing.assert_allclose(
+            poses[:, [0, 1, 5]], [[120, 10, 1.57], [120, 12, 1.57]], atol=0.5
+        )
+
+    def await_status(self, is_wanted):
+        deadline_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline_s:
+            status = rospy.wait_for_message("rbpf_core/status", FilterStatus, PATIENCE_S)
+            if is_wanted(status):
+                return status
+        raise AssertionError(f"waited in vain; the last status: {status}")
 
     def test_minibatches_have_common_random_numbers(self):
         reply = self.get_minibatches(range(PARTICLES), 50)

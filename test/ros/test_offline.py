@@ -38,7 +38,7 @@ SMALL = {
     "lc": {"rate_hz": 0.5, "min_overlap": 0.1, "mapped_variance": 0.5, "veto_sigma": 20.0},
     "resampling": {"threshold": 1.0},
     "offline": {"steps_per_second": 20.0},
-    "output": {"final_training_s": 2.0},
+    "output": {"final_training_s": 2.0, "figures": False},
 }
 SVGP = {
     "inducing_points": 36,

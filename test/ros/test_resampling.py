@@ -11,6 +11,7 @@ import roslib.packages
 import rospy
 import rostest
 from node_services import PATIENCE_S, at_once, service, wait_until
+from nav_msgs.msg import OccupancyGrid
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2
 
@@ -27,6 +28,7 @@ class FakeCore:
     """Serves beams of a seabed that each particle sees at a depth of its own."""
 
     def __init__(self):
+        self.survey = 7
         self.epoch = 0
         self.resampling = False
         self.beams_in_log = 0
@@ -42,13 +44,15 @@ class FakeCore:
     def get_minibatches(self, request):
         self.calls += 1
         if self.beams_in_log == 0:
-            return srv.GetMinibatchesResponse(success=False, message="the log is empty")
+            message = "the log is empty"
+            return srv.GetMinibatchesResponse(success=False, message=message, survey=self.survey)
         xy = np.random.uniform([-20, -15], [20, 15], (len(request.particles), request.size, 2))
         depth_m = 20.0 + 3.0 * np.array(request.particles)
         z = np.sin(xy[:, :, 0] / 8) - depth_m[:, None]
         beams = pack(np.concatenate([xy, z[:, :, None]], axis=2))
         return srv.GetMinibatchesResponse(
             success=True,
+            survey=self.survey,
             epoch=self.epoch,
             resampling=self.resampling,
             beams_in_log=self.beams_in_log,
@@ -67,12 +71,17 @@ class ResamplingTest(unittest.TestCase):
             for k in range(NODES)
         ]
         cls.core = FakeCore()
-        cls.predict = [service(k, "predict", srv.PredictBeams) for k in range(NODES)]
+        cls.predict = [cls.of_survey(k, "predict", srv.PredictBeams) for k in range(NODES)]
         cls.prepare = [
-            service(k, "prepare_resampling", srv.PrepareResampling) for k in range(NODES)
+            cls.of_survey(k, "prepare_resampling", srv.PrepareResampling) for k in range(NODES)
         ]
         cls.commit = [service(k, "commit_resampling", srv.CommitResampling) for k in range(NODES)]
         cls.get_maps = [service(k, "get_maps", srv.GetMaps) for k in range(NODES)]
+
+    @classmethod
+    def of_survey(cls, k, name, service_class):
+        call = service(k, name, service_class)
+        return lambda *request: call(cls.core.survey, *request)
 
     def setUp(self):
         self.core.beams_in_log = 10000
@@ -238,6 +247,20 @@ class ResamplingTest(unittest.TestCase):
         self.core.advertise()
         self.wait_for_training()
 
+    def test_for_another_survey_all_maps_are_made_anew(self):
+        before = {k: self.status[k] for k in range(NODES)}
+        xy = pack(np.zeros((1, 4, 2)))
+        self.core.survey, self.core.epoch = before[0].survey + 1, 0
+        wait_until(
+            lambda: all(self.status[k].survey == self.core.survey for k in range(NODES)), "anew"
+        )
+        for k in range(NODES):
+            self.assertLess(self.status[k].steps, before[k].steps)
+        self.wait_for_training()
+        self.assertTrue(self.predict[0](0, [0], 4, xy).success)
+        old = service(0, "predict", srv.PredictBeams)(before[0].survey, 0, [0], 4, xy)
+        self.assertIn(f"survey is {before[0].survey:x}; expected", old.message)
+
     def test_broken_beams_do_no_harm(self):
         self.core.beams_override = b"123"
         time.sleep(0.5)
@@ -270,11 +293,14 @@ class ResamplingTest(unittest.TestCase):
 
     def test_the_best_particles_map_is_published(self):
         status = rospy.Publisher("rbpf_core/status", FilterStatus, queue_size=1, latch=True)
-        status.publish(FilterStatus(best_particle=4))
+        status.publish(FilterStatus(survey=self.core.survey, best_particle=4))
         clouds = {
             name: rospy.wait_for_message(f"map/{name}", PointCloud2, PATIENCE_S)
             for name in ("mean", "variance", "inducing_points")
         }
+        ranks = rospy.wait_for_message("map/depth_rank", OccupancyGrid, PATIENCE_S)
+        self.assertEqual((ranks.info.width, ranks.info.height, ranks.info.resolution), (20, 15, 2))
+        self.assertTrue(set(ranks.data).issubset(range(-1, 101)))
         points = {
             name: np.array(list(point_cloud2.read_points(cloud))) for name, cloud in clouds.items()
         }

@@ -36,6 +36,20 @@ TEST(PoseGraphFixes, TellOfAPointInTheNodesFrame) {
   EXPECT_NEAR(graph.pose(0).yaw_rad, truth.yaw_rad, 1e-4);
 }
 
+TEST(PoseGraphFixes, AreBelievedHoweverFarOffIfTheyMayNotBeWrong) {
+  SmoothingParams params;
+  params.start_position_std_m = 1.0;
+  params.start_yaw_std_rad = 0.5;
+  PoseGraph graph(params, 0.0, {});
+  graph.addFix(0, {10.0, 0.0}, Eigen::Matrix2d::Identity(), Eigen::Vector2d::Zero(), false);
+  graph.addHeading(0, 1.0, 0.25);
+  graph.solve();
+  // halfway: both are as sure
+  EXPECT_NEAR(graph.pose(0).x_m, 5.0, 1e-3);
+  EXPECT_NEAR(graph.pose(0).yaw_rad, 0.5, 1e-4);
+  EXPECT_EQ(graph.weightOfFix(0), 1.0);
+}
+
 // ---- the smoother ------------------------------------------------------------------------------
 
 // A straight line over a seabed that tells nothing, with dead reckoning 1 % too slow.
@@ -150,6 +164,55 @@ TEST(PastSmoothingFixes, CorrectTheFiltersPastAtTheSurveysEnd) {
   const FilterSnapshot after = filter.snapshot();
   const Pose2 last = after.pastAt(after.pings() - 1, after.logWeights().exp()).mean;
   EXPECT_NEAR(last.x_m, 1.5 * 389.5, 0.5);  // was 5.8 m behind
+}
+
+// 40 m off to the side and turned by 0.2 rad, and surer than 400 s of odometry.
+TEST(PastSmoothingGivenPose, KeepsParticlesWhereTheyWereDrawnAndMovesThePast) {
+  FilterParams params;
+  params.particles = 50;
+  params.holdout = 0.0;
+  params.start_position_std_m = 30.0;
+  params.start_yaw_std_rad = 0.3;
+  ParticleFilter filter(params);
+  PastSmoothing smoothing(filter, {});
+  Ping ping;
+  ping.beams_m = Beams::Zero(3, 20);
+  ping.beams_m.row(1).setLinSpaced(20, -10.0F, 10.0F);
+  ping.beams_m.row(2).setConstant(-20.0F);
+  const auto sailTo = [&](double until_s) {
+    const auto now = filter.snapshot().estimate();
+    for (double stamp_s = now.stamp_s; stamp_s <= until_s; stamp_s += 0.5) {
+      Odometry odometry;
+      odometry.stamp_s = stamp_s;
+      odometry.pose = {1.5 * stamp_s, 0.0, 0.0};
+      odometry.linear_mps = {1.5, 0.0, 0.0};
+      if (stamp_s > now.stamp_s || stamp_s == 0.0) filter.addOdometry(odometry);
+      ping.stamp_s = stamp_s;
+      if (stamp_s > now.stamp_s) filter.addPing(ping);
+    }
+  };
+  sailTo(100.0);
+  const auto offTheTruth = [&](const Pose2& pose, double stamp_s) {
+    const Pose2 at_fix{150.0, 40.0, 0.2};
+    const Pose2 there = compose(at_fix, {1.5 * (stamp_s - 100.0), 0.0, 0.0});
+    return std::hypot(pose.x_m - there.x_m, pose.y_m - there.y_m);
+  };
+  filter.addFix({100.0, {150.0, 40.0}, 0.01 * Eigen::Matrix2d::Identity(), Heading{0.2, 1e-4}});
+  for (const auto& [fix, particles] : filter.takeFixesToWeigh()) {
+    filter.drawAnew(fix, particles->poses);
+  }
+  // the mean of 50 of 0.1 m, 0.01 rad; and then by the graph, with its own start and odometry
+  EXPECT_LT(offTheTruth(filter.snapshot().estimate().mean, 100.0), 0.1);
+  for (const double until_s : {100.0, 110.0}) {
+    sailTo(until_s);
+    const PastSmoothing::News news = smoothing.smooth();
+    if (news.correction) filter.correctPast(*news.correction);  // or both agree already
+    EXPECT_LT(offTheTruth(filter.snapshot().estimate().mean, until_s), 1.0);
+  }
+  const FilterSnapshot after = filter.snapshot();
+  const Pose2 first = after.pastAt(0, after.logWeights().exp()).mean;
+  // over 100 s of odometry, 0.5 m and 0.01 rad of 150 m
+  EXPECT_LT(offTheTruth(first, after.record(0).stamp_s), 5.0);
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ py::dict read(const std::string& path) {
   const FilterSnapshot snapshot = filter.snapshot();
   py::dict survey;
   addPings(snapshot, &survey);
-  survey["settings"] = resumed.settings;
+  survey["settings"] = resumed.settings.text;
   survey["resamplings"] = resumed.epoch;
   survey["prompts"] = resumed.loop_closing.prompts;
   survey["fixes"] = snapshot.fixes();

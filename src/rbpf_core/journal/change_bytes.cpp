@@ -102,6 +102,18 @@ void archiveOptional(Archive& archive, T& optional) {
   }
 }
 
+template <typename Archive, typename T>
+void archiveHeading(Archive& archive, T& heading) {
+  bool is_there = heading.has_value();
+  Heading value = heading.value_or(Heading{});
+  archive.number(is_there);
+  archive.number(value.yaw_rad);
+  archive.number(value.variance_rad2);
+  if constexpr (!std::is_const_v<T>) {
+    if (is_there) heading = value;
+  }
+}
+
 template <typename Archive, typename Pose>
 void archivePose(Archive& archive, Pose& pose) {
   archive.number(pose.x_m);
@@ -139,17 +151,24 @@ void archiveMeasurement(Archive& archive, T& change) {
     static_assert(kIs<T, Fix>);
     archive.numbers(change.position_m.data(), 2);
     archive.numbers(change.covariance_m2.data(), 4);
+    archiveHeading(archive, change.heading);
   }
+}
+
+template <typename Archive, typename Poses>
+void archivePoses(Archive& archive, Poses& poses) {
+  archive.size(poses);
+  for (auto& pose : poses) archivePose(archive, pose);
 }
 
 template <typename Archive, typename T>
 void archiveCorrection(Archive& archive, T& change) {
-  archive.size(change.of_ping);
-  for (auto& pose : change.of_ping) archivePose(archive, pose);
+  archivePoses(archive, change.of_ping);
   archivePose(archive, change.of_rest);
   archive.number(change.bias.surge_mps);
   archive.number(change.bias.sway_mps);
   archive.number(change.bias.yaw_radps);
+  archive.number(change.redraws);
   archive.number(change.maps_follow);
 }
 
@@ -166,7 +185,10 @@ void archiveLoopClosing(Archive& archive, T& change) {
 
 template <typename Archive, typename T>
 void archiveChange(Archive& archive, T& change) {
-  if constexpr (kIs<T, FilterSettings> || kIs<T, ProgramSettings>) {
+  if constexpr (kIs<T, FilterSettings>) {
+    archiveText(archive, change.text);
+  } else if constexpr (kIs<T, ProgramSettings>) {
+    archive.number(change.survey);
     archiveText(archive, change.text);
   } else if constexpr (kIs<T, Odometry> || kIs<T, Ping> || kIs<T, Fix>) {
     archiveMeasurement(archive, change);
@@ -178,6 +200,9 @@ void archiveChange(Archive& archive, T& change) {
   } else if constexpr (kIs<T, Resampled>) {
     archive.size(change.ancestors);
     archive.numbers(change.ancestors.data(), change.ancestors.size());
+  } else if constexpr (kIs<T, DrawnAnew>) {
+    archiveMeasurement(archive, change.given);
+    archivePoses(archive, change.at);
   } else if constexpr (kIs<T, PastCorrection>) {
     archiveCorrection(archive, change);
   } else if constexpr (kIs<T, KnownError>) {

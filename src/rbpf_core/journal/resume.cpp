@@ -15,7 +15,7 @@ class Again {
   Again(ParticleFilter* filter, ResumedSurvey* survey) : filter_(*filter), survey_(*survey) {}
 
   void operator()(const FilterSettings&) const {}
-  void operator()(ProgramSettings& settings) { survey_.settings = std::move(settings.text); }
+  void operator()(ProgramSettings& settings) { survey_.settings = std::move(settings); }
   void operator()(const Odometry& odometry) {
     asBefore([&] { filter_.addOdometry(odometry); });
   }
@@ -31,6 +31,7 @@ class Again {
     filter_.resample(resampled.ancestors);
     ++survey_.epoch;
   }
+  void operator()(const DrawnAnew& drawn) { filter_.drawAnew(drawn.given, drawn.at); }
   void operator()(const PastCorrection& correction) { filter_.correctPast(correction); }
   void operator()(const KnownError& error) { filter_.setKnownError(error); }
   void operator()(const FixesTaken&) { filter_.takeFixesToWeigh(); }
@@ -65,6 +66,18 @@ FilterParams paramsIn(const std::string& path) {
     throw std::runtime_error("journal " + path + " does not begin with the filter's parameters");
   }
   return paramsOf(*settings);
+}
+
+std::uint64_t surveyIn(const std::string& path) {
+  JournalReader journal(path);
+  journal.next();
+  const std::optional<Change> second = journal.next();
+  const auto* settings = second ? std::get_if<ProgramSettings>(&*second) : nullptr;
+  if (settings == nullptr) {
+    throw std::runtime_error("journal " + path +
+                             " cannot be resumed: its second record is not the program's");
+  }
+  return settings->survey;
 }
 
 ResumedSurvey resumeFrom(const std::string& path, ParticleFilter* filter) {

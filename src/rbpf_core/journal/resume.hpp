@@ -20,13 +20,17 @@ struct ResumedSurvey {
   // Of the file, up to where it can go on.
   std::uint64_t whole_bytes = 0;
   std::optional<LostTail> lost_tail;
-  // Of the program, as it last was.
-  std::string settings;
+  // Of the program, as they last were.
+  ProgramSettings settings;
 };
 
 // What the filter of a journal was told before it started. Throws std::runtime_error as resumeFrom
 // does.
 FilterParams paramsIn(const std::string& path);
+
+// The number by which map nodes know the survey of a journal. Throws std::runtime_error as
+// resumeFrom does.
+std::uint64_t surveyIn(const std::string& path);
 
 // Brings a new filter to where the journal ends, bit for bit. Throws std::runtime_error that names
 // what is wrong: see JournalReader and expectSameSettings; and if a record is none that this filter

@@ -148,7 +148,8 @@ PYBIND11_MODULE(_smoothing, m) {
              return graph.addClosure(k, j, {toPose(relative), covariance});
            })
       .def("add_fix", &PoseGraph::addFix, py::arg("node"), py::arg("position_m"),
-           py::arg("covariance_m2"), py::arg("lever_m") = Eigen::Vector2d(0.0, 0.0))
+           py::arg("covariance_m2"), py::arg("lever_m") = Eigen::Vector2d(0.0, 0.0),
+           py::arg("may_be_wrong") = true)
       .def("solve", &PoseGraph::solve, Unlocked())
       .def("weight_of_closure", &PoseGraph::weightOfClosure)
       .def_property_readonly("poses", [](const PoseGraph& graph) { return toRows(graph.poses()); })

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "rbpf_core/rigid.hpp"
 
@@ -11,10 +12,11 @@ namespace rbpf_core::smoothing {
 
 namespace {
 
-SmoothingParams withFilters(SmoothingParams smoothing, const FilterParams& filter) {
+SmoothingParams withFilters(SmoothingParams smoothing, const FilterParams& filter,
+                            double start_position_std_m, double start_yaw_std_rad) {
   smoothing.motion = filter.motion;
-  smoothing.start_position_std_m = filter.start_position_std_m;
-  smoothing.start_yaw_std_rad = filter.start_yaw_std_rad;
+  smoothing.start_position_std_m = start_position_std_m;
+  smoothing.start_yaw_std_rad = start_yaw_std_rad;
   return smoothing;
 }
 
@@ -33,7 +35,10 @@ constexpr double kLatePing_s = 10.0;
 PastSmoothing::PastSmoothing(const ParticleFilter& filter, const PastSmoothingParams& params)
     : filter_(filter), params_(params), last_s_(std::numeric_limits<double>::quiet_NaN()) {
   // A parameter that is out of range is told now, not at the first ping.
-  const Smoother check(withFilters(params_.smoothing, filter.params()), 0.0, Pose2{});
+  const FilterParams& of_filter = filter.params();
+  const Smoother check(withFilters(params_.smoothing, of_filter, of_filter.start_position_std_m,
+                                   of_filter.start_yaw_std_rad),
+                       0.0, Pose2{});
 }
 
 bool PastSmoothing::isDue() const {
@@ -91,8 +96,10 @@ PastSmoothing::News PastSmoothing::smooth(bool is_over) {
 
 void PastSmoothing::takePings(const FilterSnapshot& snapshot) {
   if (!smoother_) {
-    smoother_ = std::make_unique<Smoother>(withFilters(params_.smoothing, filter_.params()),
-                                           snapshot.start()->stamp_s, snapshot.start()->pose);
+    const FilterSnapshot::Start& start = *snapshot.start();
+    smoother_ = std::make_unique<Smoother>(
+        withFilters(params_.smoothing, filter_.params(), start.position_std_m, start.yaw_std_rad),
+        start.stamp_s, start.pose);
   }
   for (; taken_ < snapshot.pings(); ++taken_) {
     const PingRecord& ping = snapshot.record(taken_);
@@ -143,12 +150,20 @@ std::optional<PastCorrection> PastSmoothing::correction(const FilterSnapshot& sn
     change2 = std::max(change2, dx * dx + dy * dy);
   }
   const double change_m = std::sqrt(change2);
+  // A correction that was found out before it was not made, though maps may have been to follow.
+  if (std::exchange(redraws_, snapshot.redraws()) != snapshot.redraws()) {
+    not_followed_m_ = std::numeric_limits<double>::infinity();
+  }
   if (change_m < params_.min_change_m && not_followed_m_ == 0.0) return std::nullopt;
   result->largest_change_m = change_m;
   not_followed_m_ += change_m;
   correction.maps_follow = is_over || not_followed_m_ > params_.map_tolerance_m;
   if (correction.maps_follow) not_followed_m_ = 0.0;
-  correction.of_rest = correction.of_ping.back();
+  // After the last ping the particles may have been put where an operator says that they are.
+  const double last_ping_s = snapshot.record(stands_for_.size() - 1).stamp_s;
+  const bool is_redrawn_since = snapshot.redrawnStamp() && *snapshot.redrawnStamp() >= last_ping_s;
+  if (!is_redrawn_since) correction.of_rest = correction.of_ping.back();
+  correction.redraws = snapshot.redraws();
   correction.bias = smoother_->graph().bias();
   return correction;
 }

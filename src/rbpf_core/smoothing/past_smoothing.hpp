@@ -84,6 +84,8 @@ class PastSmoothing {
   std::vector<FixRecord> waiting_fixes_;
   // By how much histories may have moved since maps last followed, m.
   double not_followed_m_ = 0.0;
+  // Of the particles, at the last smoothing.
+  std::uint32_t redraws_ = 0;
 
   mutable std::mutex mutex_;  // guards what follows
   double last_s_;

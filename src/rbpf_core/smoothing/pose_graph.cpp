@@ -99,6 +99,17 @@ struct PoseError {
   }
 };
 
+struct HeadingError {
+  double yaw_rad;
+  double std_rad;
+
+  template <typename T>
+  bool operator()(const T* pose, T* residual) const {
+    residual[0] = wrapped(T(pose[2] - yaw_rad)) / T(std_rad);
+    return true;
+  }
+};
+
 struct PositionError {
   Eigen::Vector2d position_m;
   Eigen::Vector2d lever_m;
@@ -185,6 +196,7 @@ struct PoseGraph::Fix {
   PositionError error;
   std::size_t node;
   ceres::ResidualBlockId block;
+  bool may_be_wrong;
 };
 
 // ---- what is known ---------------------------------------------------------------------------
@@ -270,14 +282,20 @@ void PoseGraph::clearClosures() {
 }
 
 std::size_t PoseGraph::addFix(std::size_t i, const Eigen::Vector2d& position_m,
-                              const Eigen::Matrix2d& covariance_m2,
-                              const Eigen::Vector2d& lever_m) {
+                              const Eigen::Matrix2d& covariance_m2, const Eigen::Vector2d& lever_m,
+                              bool may_be_wrong) {
   const PositionError error{position_m, lever_m, rootInformation<2>(covariance_m2)};
   const auto block = problem_->AddResidualBlock(
       new ceres::AutoDiffCostFunction<PositionError, 2, 3>(new PositionError(error)),
-      new ceres::CauchyLoss(std::sqrt(kKernel2)), poses_.at(i).data());
-  fixes_.push_back({error, i, block});
+      may_be_wrong ? new ceres::CauchyLoss(std::sqrt(kKernel2)) : nullptr, poses_.at(i).data());
+  fixes_.push_back({error, i, block, may_be_wrong});
   return fixes_.size() - 1;
+}
+
+void PoseGraph::addHeading(std::size_t i, double yaw_rad, double variance_rad2) {
+  problem_->AddResidualBlock(new ceres::AutoDiffCostFunction<HeadingError, 1, 3>(
+                                 new HeadingError{yaw_rad, std::sqrt(variance_rad2)}),
+                             nullptr, poses_.at(i).data());
 }
 
 // ---- what follows from it ----------------------------------------------------------------------
@@ -323,6 +341,7 @@ double PoseGraph::weightOfClosure(std::size_t closure) const {
 
 double PoseGraph::weightOfFix(std::size_t fix) const {
   const Fix& f = fixes_.at(fix);
+  if (!f.may_be_wrong) return 1.0;
   Eigen::Vector2d residual;
   f.error(poses_[f.node].data(), residual.data());
   return 1.0 / (1.0 + residual.squaredNorm() / kKernel2);

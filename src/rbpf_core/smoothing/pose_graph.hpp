@@ -35,11 +35,14 @@ class PoseGraph {
   std::size_t addClosure(std::size_t k, std::size_t j, const UncertainPose& relative);
   void clearClosures();
 
-  // Of a point in node i's frame, in map; the node's yaw is told only by way of it. Returns the
-  // fix's number.
+  // Of a point in node i's frame, in map; the node's yaw is told only by way of it. One that may be
+  // wrong counts the less the worse it fits. Returns the fix's number.
   std::size_t addFix(std::size_t i, const Eigen::Vector2d& position_m,
                      const Eigen::Matrix2d& covariance_m2,
-                     const Eigen::Vector2d& lever_m = Eigen::Vector2d::Zero());
+                     const Eigen::Vector2d& lever_m = Eigen::Vector2d::Zero(),
+                     bool may_be_wrong = true);
+  // Of node i in map; it is believed.
+  void addHeading(std::size_t i, double yaw_rad, double variance_rad2);
 
   void solve();
 

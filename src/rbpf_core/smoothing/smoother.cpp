@@ -84,7 +84,14 @@ void Smoother::addFix(const FixRecord& record) {
   const std::size_t node = nodeNextTo(stamp_s);
   const Pose2 lever = relative(track_.nodes()[node].dead_reckoning, record.dead_reckoning);
   graph_.addFix(node, record.fix.position_m,
-                record.fix.covariance_m2 + covarianceOfLever(node, record), {lever.x_m, lever.y_m});
+                record.fix.covariance_m2 + covarianceOfLever(node, record), {lever.x_m, lever.y_m},
+                !record.fix.heading);
+  if (const auto& heading = record.fix.heading) {
+    const double drift_rad = params_.motion.yaw_std_rad;
+    graph_.addHeading(node, heading->yaw_rad - lever.yaw_rad,
+                      heading->variance_rad2 +
+                          drift_rad * drift_rad * std::abs(stamp_s - track_.nodes()[node].stamp_s));
+  }
   fix_stamps_s_.push_back(stamp_s);
   fixes_pending_ = true;
 }

@@ -54,7 +54,7 @@ rbpf_core::Fix toFix(const FixInput& input, const Frames& frames, const FixInput
   const Eigen::Vector2d position_m = std::visit(
       [&](const auto& position) { return inMap(position, frames, params); }, input.position);
   const Eigen::Matrix2d unknown = params.std_m * params.std_m * Eigen::Matrix2d::Identity();
-  return {input.stamp.toSec(), position_m, input.covariance_m2.value_or(unknown)};
+  return {input.stamp.toSec(), position_m, input.covariance_m2.value_or(unknown), input.heading};
 }
 
 }  // namespace rbpf_node

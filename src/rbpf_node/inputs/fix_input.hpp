@@ -30,6 +30,8 @@ struct FixInput {
   std::variant<PlanePosition, Geographic> position;
   // Of x and y, or east and north; none if the message does not tell it.
   std::optional<Eigen::Matrix2d> covariance_m2;
+  // Only of a pose that an operator gives.
+  std::optional<rbpf_core::Heading> heading;
 };
 
 // Defaults are those of config/default.yaml.

@@ -10,4 +10,8 @@ namespace rbpf_node {
 // account: pressure sensor and AHRS know them.
 FixInput fromPoseWithCovariance(const geometry_msgs::PoseWithCovarianceStamped& message);
 
+// The same of a pose that an operator gives, its yaw included. Throws Refusal if the orientation is
+// no rotation, or if the variances of x, y and yaw are not finite and positive.
+FixInput fromInitialPose(const geometry_msgs::PoseWithCovarianceStamped& message);
+
 }  // namespace rbpf_node

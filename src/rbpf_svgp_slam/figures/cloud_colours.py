@@ -25,13 +25,13 @@ def seabed_rgb(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 def points_rgb(points: np.ndarray) -> np.ndarray:
     """Return the colours [n, 3], uint8, of points x y z [n, 3], m, of an even grid with holes."""
-    (x, column), (y, row) = _even_axis(points[:, 0]), _even_axis(points[:, 1])
+    (x, column), (y, row) = even_axis(points[:, 0]), even_axis(points[:, 1])
     z = np.full((len(x), len(y)), np.nan)
     z[column, row] = points[:, 2]
     return seabed_rgb(x, y, z)[column, row]
 
 
-def _even_axis(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def even_axis(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return an axis of even steps that has all values [n], m, and each value's place on it [n]."""
     seen = np.unique(values)
     if len(seen) < 2:

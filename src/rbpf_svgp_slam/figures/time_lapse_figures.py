@@ -81,9 +81,8 @@ def evenly_spaced(t_s: np.ndarray, count: int) -> np.ndarray:
 
 
 def write_time_lapse_gif(run: SurveyRun, out_dir: Path) -> None:
-    """Write the animation into a run folder; without a time lapse remove an earlier run's."""
+    """Write the animation; nothing without a time lapse."""
     path = out_dir / GIF_NAME
-    path.unlink(missing_ok=True)
     lapse = run.time_lapse
     if lapse is None or not len(lapse.t_s) or not len(run.stamp_s):
         return

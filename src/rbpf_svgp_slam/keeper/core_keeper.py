@@ -22,6 +22,7 @@ RESUME = "_resume:=true"
 MOST_DEATHS, DEATHS_WITHIN_S = 5, 60.0
 # To end by itself once it has been told to; roslaunch gives us 15 s.
 PATIENCE_S = 10.0
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
 def keep_core(arguments: Sequence[str]) -> int | str:
@@ -34,13 +35,16 @@ def keep_core(arguments: Sequence[str]) -> int | str:
 
 def keep(command: Sequence[str]) -> int | str:
     """As above. Once a signal has ended it, the command gets one more argument, RESUME."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in INTERRUPTS:
         signal.signal(number, signal.default_int_handler)
     deaths: list[float] = []
     child = None
     try:
         while True:
+            # an interrupt in between would leave a child that nobody knows
+            signal.pthread_sigmask(signal.SIG_BLOCK, INTERRUPTS)
             child = _start([*command, RESUME] if deaths else command)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, INTERRUPTS)
             status = child.wait()
             if status >= 0:
                 return status
@@ -55,11 +59,17 @@ def keep(command: Sequence[str]) -> int | str:
 
 def _start(command: Sequence[str]) -> subprocess.Popen:
     # In a session of its own: roslaunch interrupts our whole process group, and we pass it on.
-    return subprocess.Popen(command, start_new_session=True, preexec_fn=end_with_parent)
+    return subprocess.Popen(command, start_new_session=True, preexec_fn=_prepare)
+
+
+def _prepare() -> None:
+    """In the child, before its program."""
+    end_with_parent()
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, INTERRUPTS)
 
 
 def _stop(child: subprocess.Popen | None) -> int:
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in INTERRUPTS:
         signal.signal(number, signal.SIG_IGN)
     if child is None or child.poll() is not None:
         return 0

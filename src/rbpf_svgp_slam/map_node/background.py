@@ -16,7 +16,7 @@ class Background:
     """
 
     def __init__(self, name: str) -> None:
-        self._calls: queue.SimpleQueue[tuple[Future, Callable, tuple]] = queue.SimpleQueue()
+        self._calls: queue.SimpleQueue[tuple[Future, Callable, tuple] | None] = queue.SimpleQueue()
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
     def submit(self, call: Callable, *arguments: Any) -> Future:
@@ -25,9 +25,13 @@ class Background:
         self._calls.put((future, call, arguments))
         return future
 
+    def stop(self) -> None:
+        """End the thread when it has made the calls that it has been given."""
+        self._calls.put(None)
+
     def _run(self) -> None:
-        while True:
-            carry_out(*self._calls.get())
+        while call := self._calls.get():
+            carry_out(*call)
 
 
 class AtOnce:
@@ -38,6 +42,9 @@ class AtOnce:
         future: Future = Future()
         carry_out(future, call, arguments)
         return future
+
+    def stop(self) -> None:
+        """There is nothing to end."""
 
 
 def carry_out(future: Future, call: Callable, arguments: tuple) -> None:

@@ -49,6 +49,7 @@ class Minibatches:
     past: int  # corrections of the histories that placed them
     beams_in_log: int  # N
     beams: np.ndarray  # [P, M, 3] m, x and y relative to the survey origin
+    survey: int = 0  # the core's token: see FilterStatus
 
 
 class Feed(Protocol):
@@ -111,6 +112,7 @@ class MinibatchClient:
             past=response.past,
             beams_in_log=response.beams_in_log,
             beams=unpack("beams", response.beams, shape),
+            survey=response.survey,
         )
 
 
@@ -259,7 +261,8 @@ class LogFeed:
         self._question, self._next_s = None, 0.0
 
     def stop(self) -> None:
-        """Nothing is asked for but in `take`."""
+        """End the thread, unless it is stuck in a call."""
+        self._calls.stop()
 
 
 @dataclass(frozen=True)

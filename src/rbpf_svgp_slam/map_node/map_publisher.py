@@ -7,10 +7,12 @@ from typing import Iterator
 
 import numpy as np
 import rospy
+from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from rbpf_svgp_slam.figures.cloud_colours import points_rgb
+from rbpf_svgp_slam.map_node.depth_rank import depth_ranks, occupancy_grid
 from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
@@ -26,15 +28,16 @@ CHUNK_POINTS = 1000
 
 
 class MapPublisher:
-    """Topics map/mean, map/variance and the map's support points, from the best particle's node.
+    """Topics of the best particle's map, from its node.
 
-    The mean has the report's colours.
+    These are map/mean, in the report's colours, map/variance, map/depth_rank, and the map's support
+    points.
 
     Works on the training thread, a moment between every two steps.
     """
 
     def __init__(self, store: MapStore, parameters: NodeParameters) -> None:
-        self._store = store
+        self.follow(store)
         self._frame = parameters.frames.map
         self._period_s = parameters.map.publish_period_s
         self._origin = survey_origin(parameters.survey_area)
@@ -43,10 +46,17 @@ class MapPublisher:
             rospy.Publisher(name, PointCloud2, queue_size=1)
             for name in (names.MAP_MEAN, names.MAP_VARIANCE, names.MAP_SUPPORT_POINTS)
         )
+        self._resolution_m = parameters.map.resolution_m
+        # Latched, as maps are that others plan on.
+        self._rank = rospy.Publisher(names.MAP_DEPTH_RANK, OccupancyGrid, queue_size=1, latch=True)
         self._best_particle: int | None = None
-        self._job: Iterator[None] | None = None
         self._next_s = 0.0  # monotonic
         rospy.Subscriber(names.FILTER_STATUS, FilterStatus, self._on_status, queue_size=1)
+
+    def follow(self, store: MapStore) -> None:
+        """Publish this store's maps from now on."""
+        self._store = store
+        self._job: Iterator[None] | None = None
 
     def advance(self) -> None:
         """Do the next piece of a publication that is under way or due."""
@@ -66,8 +76,12 @@ class MapPublisher:
             self._period_s > 0
             and time.monotonic() >= self._next_s
             and self._best_particle in self._store.own
-            and any(p.get_num_connections() for p in (self._mean, self._variance, self._support))
+            and (self._support.get_num_connections() > 0 or self._grid_is_wanted())
         )
+
+    def _grid_is_wanted(self) -> bool:
+        topics = (self._mean, self._variance, self._rank)
+        return any(topic.get_num_connections() for topic in topics)
 
     def _publish(self, particle: int) -> Iterator[None]:
         """Predict a copy of the map over the grid, yielding after each chunk, and publish it."""
@@ -78,7 +92,7 @@ class MapPublisher:
         self._support.publish(point_cloud(header, {"x": x, "y": y, "z": z}))
         yield
         mean, variance = np.empty((2, len(self._points)), dtype=np.float32)
-        if self._mean.get_num_connections() or self._variance.get_num_connections():
+        if self._grid_is_wanted():
             for first in range(0, len(self._points), CHUNK_POINTS):
                 chunk = slice(first, first + CHUNK_POINTS)
                 xy = (self._points[chunk] - self._origin).astype(np.float32)
@@ -90,3 +104,5 @@ class MapPublisher:
             std = np.sqrt(np.maximum(variance, 0.0))
             self._mean.publish(point_cloud(header, {**xyz, "rgb": packed_rgb(points_rgb(points))}))
             self._variance.publish(point_cloud(header, {**xyz, "std": std}))
+            ranks = depth_ranks(mean, variance, snapshot.prior_variance_m2)
+            self._rank.publish(occupancy_grid(header, self._points, ranks, self._resolution_m))

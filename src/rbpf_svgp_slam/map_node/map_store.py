@@ -22,6 +22,10 @@ class SentMap(NamedTuple):
     past: int  # corrections of the histories that it has followed
 
 
+# Of a prediction: positions a map, and in all. What it takes of memory and of the node's time grows
+# with both.
+MOST_POINTS, MOST_POSITIONS = 100_000, 2_000_000
+
 # (epoch, owner -> particles) to particle -> its map.
 Fetch = Callable[[int, "dict[int, list[int]]"], "dict[int, SentMap]"]
 
@@ -53,6 +57,10 @@ class MapStore:
         """index: of this node, 0 .. nodes - 1; particles: of the filter; group: of this node."""
         self.shares = [share(particles, nodes, node) for node in range(nodes)]
         self.own = self.shares[index]
+        #: Token of the survey that the maps belong to; 0 before any has been heard of.
+        self.survey = 0
+        #: Another survey has been heard of: these maps are of no use any more.
+        self.superseded = False
         self.steps = 0
         self.skipped_steps = 0
         self._particles = particles
@@ -62,6 +70,20 @@ class MapStore:
         self._newest_past = 0
         self._lock = StepLock()
         self._phases = ResamplingPhases(take_over=self._replace_maps)
+
+    # Surveys
+
+    def hear_survey(self, survey: int) -> bool:
+        """Whether the maps are of the core's survey; new ones are of the first that is heard of."""
+        self.survey = self.survey or survey
+        if survey != self.survey:
+            self.superseded = True
+        return not self.superseded
+
+    def check_survey(self, survey: int) -> None:
+        """Raises BadRequest if a request is of another survey than the maps."""
+        if survey != self.survey:
+            raise BadRequest(f"survey is {survey:x}; expected {self.survey:x}, this node's")
 
     # Training. Each of these returns false, without effect, if the beams are of another epoch than
     # the maps, or a resampling is under way.
@@ -209,6 +231,12 @@ class MapStore:
 
         Returns latent mean [P, n], m, and variance [P, n], and the maps' prior variance [P], m².
         """
+        points = positions.shape[1]
+        if points > MOST_POINTS or points * len(particles) > MOST_POSITIONS:
+            raise BadRequest(
+                f"request is for {points} points of {len(particles)} particles; expected at most "
+                f"{MOST_POINTS} points of each and {MOST_POSITIONS} in all"
+            )
         mean, variance = np.empty((2, *positions.shape[:2]), dtype=np.float32)
         prior = np.empty(len(particles), dtype=np.float32)
         with self._lock.request():
@@ -270,6 +298,8 @@ class MapStore:
                     f"particle is {particle}; expected {self.own.start} .. {self.own.stop - 1}, "
                     "this node's own"
                 )
+        if len(set(particles)) < len(particles):
+            raise BadRequest(f"{len(particles)} particles, not all different; expected each once")
 
     # Resampling
 
@@ -326,7 +356,7 @@ class MapStore:
             return self._phases.settle(core_epoch, core_resampling)
 
     def adopt(self, epoch: int) -> None:
-        """Take over the core's epoch, keeping the maps. It may be another core."""
+        """Take over the core's epoch, keeping the maps."""
         with self._lock.request():
             self._phases.adopt(epoch)
             self._newest_past = 0

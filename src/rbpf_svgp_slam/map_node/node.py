@@ -16,8 +16,8 @@ from rbpf_svgp_slam.map_node.map_store import MapStore
 from rbpf_svgp_slam.map_node.peers import Peers
 from rbpf_svgp_slam.map_node.stream_training import StreamTraining
 from rbpf_svgp_slam.map_node.training import MinibatchTraining
-from rbpf_svgp_slam.maps import MapGroup, StreamMap
-from rbpf_svgp_slam.msg import MapStatus
+from rbpf_svgp_slam.maps import MapGroup, StreamMap, make_group
+from rbpf_svgp_slam.msg import FilterStatus, MapStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.payload import BadRequest, pack, unpack
@@ -58,10 +58,10 @@ class MapNode:
     def __init__(self, index: int, parameters: NodeParameters, group: MapGroup) -> None:
         """index: 0 .. nodes - 1; group: the maps of this node, which say how they are trained."""
         self._index = index
+        self._parameters = parameters
         self._engine = parameters.map.engine
         self._timeout_s = parameters.resampling_timeout_s
-        self._store = MapStore(index, parameters.particles, parameters.nodes, group)
-        self._peers = Peers(self._engine, FETCH_SHARE * self._timeout_s, self._store.known_pieces)
+        self._begin(group)
         self._publisher = MapPublisher(self._store, parameters)
         self._status = rospy.Publisher("~status", MapStatus, queue_size=2)
         self._next_status_s = 0.0
@@ -72,6 +72,13 @@ class MapNode:
             rospy.Service("~get_maps", srv.GetMaps, self._get_maps),
             rospy.Service("~fetch_maps", srv.FetchMaps, self._fetch_maps),
         ]
+        rospy.Subscriber(names.FILTER_STATUS, FilterStatus, self._on_core, queue_size=1)
+
+    def _begin(self, group: MapGroup) -> None:
+        """Maps that have seen nothing, and their training."""
+        parameters = self._parameters
+        self._store = MapStore(self._index, parameters.particles, parameters.nodes, group)
+        self._peers = Peers(self._engine, FETCH_SHARE * self._timeout_s, self._store.known_pieces)
         streams = issubclass(group.map_class, StreamMap)
         training_class = StreamTraining if streams else MinibatchTraining
         in_turns = rospy.get_param(names.TAKE_TURNS, False)
@@ -79,10 +86,22 @@ class MapNode:
             self._store, group, self._between_steps, self._make_status if in_turns else None
         )
 
+    def _begin_anew(self) -> None:
+        """For another survey: of the core that was reset, or of one that has taken its place."""
+        rospy.logwarn("another survey has begun: this node's maps are made anew")
+        self._training.stop()
+        self._begin(make_group(self._parameters))
+        self._publisher.follow(self._store)
+
+    def _on_core(self, status: FilterStatus) -> None:
+        self._store.hear_survey(status.survey)
+
     def spin(self) -> None:
         """Train until shutdown."""
         try:
             while not rospy.is_shutdown():
+                if self._store.superseded:
+                    self._begin_anew()
                 self._training.advance()
                 self._between_steps()
         except rospy.ROSInterruptException:
@@ -105,6 +124,7 @@ class MapNode:
         maps = self._store.maps().values()
         status = MapStatus(
             node=self._index,
+            survey=self._store.survey,
             epoch=self._store.epoch,
             past=self._store.past,
             particles=list(self._store.own),
@@ -130,6 +150,7 @@ class MapNode:
             )
         shape = (len(request.particles), request.points, 2)
         positions = unpack("positions", request.positions, shape)
+        self._store.check_survey(request.survey)
         answer = self._store.predict(request.epoch, request.particles, positions)
         mean, variance, prior_variance = map(pack, answer)
         return srv.PredictBeamsResponse(
@@ -156,6 +177,7 @@ class MapNode:
 
     @answers_bad_requests(srv.PrepareResamplingResponse)
     def _prepare(self, request: srv.PrepareResamplingRequest) -> srv.PrepareResamplingResponse:
+        self._store.check_survey(request.survey)
         fetched = self._store.prepare(
             request.epoch, request.ancestors, self._peers.fetch, self._timeout_s
         )

@@ -75,6 +75,11 @@ class StreamTraining(Training):
         self._next_rebuild = 0.0
         self._last_rebuilt = -1
 
+    def stop(self) -> None:
+        """Ask the core for no more."""
+        super().stop()
+        self._reads.stop()
+
     def _train(self, minibatches: Minibatches) -> None:
         epoch, N = minibatches.epoch, minibatches.beams_in_log
         self._store.hear_past(minibatches.past)
@@ -211,7 +216,9 @@ class StreamTraining(Training):
 
     def _is_here(self, future: Future, patiently: bool) -> bool:
         """Whether a reply has come; patiently: wait for it, unless something else comes."""
-        while patiently and not (future.done() or self._store.frozen or rospy.is_shutdown()):
+        while patiently and not (
+            future.done() or self._store.frozen or self._store.superseded or rospy.is_shutdown()
+        ):
             wait([future], IDLE_S)
             self._between_steps()
         return future.done()

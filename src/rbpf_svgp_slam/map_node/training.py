@@ -50,7 +50,7 @@ class Training(ABC):
         except Exception as error:
             rospy.logerr_throttle(ERROR_PERIOD_S, f"{what} failed: {error!r}")
         self._between_steps()
-        return goes_on and not rospy.is_shutdown()
+        return goes_on and not self._store.superseded and not rospy.is_shutdown()
 
     def _next_minibatches(self) -> Minibatches | None:
         """Minibatches of this node's epoch, if there are any at present."""
@@ -82,6 +82,8 @@ class Training(ABC):
 
         If the core has settled for another epoch, the node adopts it.
         """
+        if not self._store.hear_survey(reply.survey):
+            return False
         epoch = self._store.epoch
         if reply.epoch == epoch:
             return True
@@ -97,7 +99,7 @@ class Training(ABC):
             rospy.logerr_throttle(
                 ERROR_PERIOD_S,
                 f"the core is at epoch {reply.epoch}; expected {epoch}, this node's: "
-                "a resampling or the core's start has been missed, the maps stay as they are",
+                "a resampling has been missed, the maps stay as they are",
             )
         self._store.adopt(reply.epoch)
         return False

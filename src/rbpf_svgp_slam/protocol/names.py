@@ -15,6 +15,7 @@ FINISH = f"{CORE}/finish"
 #: Topics of the best particle's map, published by its node.
 MAP_MEAN = "map/mean"
 MAP_VARIANCE = "map/variance"
+MAP_DEPTH_RANK = "map/depth_rank"
 #: The map's `support_points`. The topic has its name from the engine that was the first.
 MAP_SUPPORT_POINTS = "map/inducing_points"
 #: The seabed of the final trajectory, published by the recorder.

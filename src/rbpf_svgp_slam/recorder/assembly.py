@@ -17,25 +17,32 @@ from rbpf_svgp_slam.recorder.provenance import provenance
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import refusals
 from rbpf_svgp_slam.recorder.survey_client import fetch_closures, fetch_map, fetch_survey
+from rbpf_svgp_slam.run.aside import written_aside
 from rbpf_svgp_slam.run.run_files import engine_predictor, load_terrain
 from rbpf_svgp_slam.run.survey_run import GridMap, StoredMap, SurveyRun
 from rbpf_svgp_slam.run.tracks import write_tum
+from rbpf_svgp_slam.srv import GetMapsRequest
 from rbpf_svgp_slam.survey_area.grid import cell_centres, grid_points
 from rbpf_svgp_slam.survey_area.polygon import inside, survey_origin
 
 
-def assemble_run(recording: Recording, pings_lost: int, bag: str) -> SurveyRun:
+def assemble_run(
+    recording: Recording, bag: str, pings_lost: int = 0, is_over: bool = True
+) -> SurveyRun:
     """Fetch the survey and the best particle's map, and evaluate the map on its grid.
 
-    pings_lost: of the bag's, as far as the recorder can tell; bag: empty for a live run.
+    bag: empty for a live run; pings_lost: of the bag's, as far as the recorder can tell; is_over:
+    nothing changes any more.
     """
     status = recording.statuses[-1]
+    # While the survey goes on, the particles may have been resampled since that status.
+    epoch = status.epoch if is_over else GetMapsRequest.ANY_EPOCH
     parameters = recording.parameters
     survey = fetch_survey()
     _save_trajectories(recording.out_dir, survey)
     stored = StoredMap(
         parameters.map.engine,
-        fetch_map(status.best_particle, status.epoch, parameters.particles, parameters.nodes),
+        fetch_map(status.best_particle, epoch, parameters.particles, parameters.nodes),
         survey_origin(parameters.survey_area),
     )
     engine = load_map(stored.engine, stored.state)
@@ -59,21 +66,22 @@ def assemble_run(recording: Recording, pings_lost: int, bag: str) -> SurveyRun:
         support_label=engine.support_label,
         stored_map=stored,
         terrain=load_terrain(recording.terrain_file) if recording.terrain_file else None,
-        statistics=_statistics(recording, survey, pings_lost, bag),
+        statistics=_statistics(recording, survey, pings_lost),
         status_history=recording.history.series(),
         time_lapse=recording.time_lapse.frames(),
         config=recording.parameter_tree,
     )
-    run.statistics["sampled_map_rmse_m"] = sampled_map_rmse(run, status)
+    run.statistics["provenance"] = provenance(bag, survey.stamp_s, is_over)
+    run.statistics["sampled_map_rmse_m"] = sampled_map_rmse(run, status, epoch)
     return run
 
 
 def _save_trajectories(out_dir: Path, survey: Any) -> None:
     """At once: a map that cannot be had must not cost the survey."""
-    out_dir.mkdir(parents=True, exist_ok=True)
-    write_tum(out_dir / "trajectory.tum", survey.stamp_s, survey.estimate)
-    write_tum(out_dir / "online.tum", survey.stamp_s, survey.online)
-    write_tum(out_dir / "dead_reckoning.tum", survey.stamp_s, survey.dead_reckoning)
+    with written_aside(out_dir) as aside:
+        write_tum(aside / "trajectory.tum", survey.stamp_s, survey.estimate)
+        write_tum(aside / "online.tum", survey.stamp_s, survey.online)
+        write_tum(aside / "dead_reckoning.tum", survey.stamp_s, survey.dead_reckoning)
 
 
 def _grid(area: Polygon, resolution_m: float, predict: Any) -> GridMap:
@@ -86,7 +94,7 @@ def _grid(area: Polygon, resolution_m: float, predict: Any) -> GridMap:
     return GridMap(x, y, mean.reshape(len(x), len(y)), variance.reshape(len(x), len(y)))
 
 
-def _statistics(recording: Recording, survey: Any, pings_lost: int, bag: str) -> dict[str, Any]:
+def _statistics(recording: Recording, survey: Any, pings_lost: int) -> dict[str, Any]:
     status = recording.statuses[-1]
     peaks_mb = [m.peak_rss_mb for m in recording.map_statuses.values()] + [status.peak_rss_mb]
     dropped = max(int(status.pings_dropped), pings_lost)
@@ -118,7 +126,6 @@ def _statistics(recording: Recording, survey: Any, pings_lost: int, bag: str) ->
         "odometry_gaps": int(status.odometry_gaps),
         "fixes": int(status.fixes),
         "ground_truth_refused": dict(recording.ground_truth.refused),
-        "provenance": provenance(bag, survey.stamp_s),
     }
 
 

@@ -19,11 +19,11 @@ from rbpf_svgp_slam.run.survey_run import SurveyRun
 MAPS, BEAMS = 10, 20_000
 
 
-def sampled_map_rmse(run: SurveyRun, status: FilterStatus) -> dict[str, Any]:
+def sampled_map_rmse(run: SurveyRun, status: FilterStatus, epoch: int) -> dict[str, Any]:
     """Of up to 10 particles spread evenly over all: number of maps, mean and worst RMSE, m.
 
     All at the same held-out beams, placed with the estimate: where particles differ in their
-    trajectories (SLAM), their maps are not expected to fit it equally well.
+    trajectories (SLAM), their maps are not expected to fit it equally well. epoch: of GetMaps.
     """
     held_out = np.flatnonzero(run.held_out[run.ping_of_beam])
     chosen = np.random.default_rng(0).permutation(held_out)[:BEAMS]
@@ -32,7 +32,7 @@ def sampled_map_rmse(run: SurveyRun, status: FilterStatus) -> dict[str, Any]:
     errors = []
     for particle in particles:
         try:
-            data = fetch_map(int(particle), status.epoch, status.particles, status.nodes)
+            data = fetch_map(int(particle), epoch, status.particles, status.nodes)
         except (RuntimeError, rospy.ServiceException) as error:
             rospy.logwarn("The map of particle %d is not in the report: %s", particle, error)
             continue

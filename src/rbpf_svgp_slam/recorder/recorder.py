@@ -30,6 +30,7 @@ from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import nothing_taken_in
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
 from rbpf_svgp_slam.recorder.seabed_publisher import SeabedPublisher
+from rbpf_svgp_slam.recorder.so_far import SoFar
 from rbpf_svgp_slam.recorder.survey_client import finish_survey
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 from rbpf_svgp_slam.run.run_files import save_run
@@ -66,7 +67,7 @@ class Recorder:
         """tree: all parameters below `rbpf_svgp_slam/`; raises ParameterError."""
         parameters = validate(tree)
         self._private = private
-        self._recording = Recording(
+        self._new_recording = lambda: Recording(
             out_dir=private.out_dir,
             parameters=parameters,
             parameter_tree=tree,
@@ -74,9 +75,9 @@ class Recorder:
             ground_truth=GroundTruth(parameters.frames.map),
             time_lapse=TimeLapseRecorder(parameters),
         )
+        self._recording = self._new_recording()
         #: To be said at the very end, whatever it is.
         self.farewell = ""
-        self._started_s: float | None = None  # wall clock, at the first odometry
         nodes = range(parameters.nodes)
         # Statuses by sender.
         self._heard = {names.CORE: 0, **{names.map_node(k): 0 for k in nodes}}
@@ -90,6 +91,7 @@ class Recorder:
             rospy.Subscriber(names.FILTER_STATUS, FilterStatus, self._on_status),
         ] + [rospy.Subscriber(names.map_status(k), MapStatus, self._on_map_status) for k in nodes]
         self._save = rospy.Service("~save", Trigger, self._on_save)
+        self._so_far = SoFar(lambda: self._recording, private.bag)
 
     def run(self) -> int:
         """Follow the survey to its end and write the run folder; returns the exit status.
@@ -124,14 +126,15 @@ class Recorder:
         self._await_last_words()
         if not self._recording.statuses[-1].pings:
             raise RuntimeError(nothing_taken_in(self._recording.statuses[-1]))
+        self._so_far.writing.acquire()  # waits for one that is being written
         rospy.loginfo("Writing the report to %s", self._recording.out_dir)
-        bag = source.path if source else ""
-        run = assemble_run(self._recording, self._pings_lost(source), bag)
+        run = assemble_run(self._recording, self._private.bag, self._pings_lost(source))
         # At first, so that the data are safe whatever happens then.
         save_run(run, self._recording.out_dir)
         # Before the report, which takes its time: RViz ends with the launch.
         self._seabed.publish(run)
-        report = write_report(run, self._recording.out_dir)
+        figures = self._recording.parameters.output.figures
+        report = write_report(run, self._recording.out_dir, figures=figures)
         export_after_run(self._recording.out_dir, run.config, rospy.logerr)
         self.farewell = summarise(report, self._recording.out_dir)
 
@@ -170,7 +173,8 @@ class Recorder:
 
     def _finish_survey(self) -> None:
         finish_survey()
-        self._recording.wall_s = time.monotonic() - (self._started_s or time.monotonic())
+        now_s = time.monotonic()
+        self._recording.wall_s = now_s - (self._recording.started_s or now_s)
         rest_s = self._recording.parameters.output.final_training_s
         rospy.loginfo("Survey over; training on the whole log for %.0f s more.", rest_s)
         end_s = time.monotonic() + rest_s
@@ -214,16 +218,25 @@ class Recorder:
             rospy.logerr_throttle(5.0, f"Ground truth refused: {problem}")
 
     def _on_status(self, status: FilterStatus) -> None:
-        if status.odometry_messages and self._started_s is None:
-            self._started_s = time.monotonic()
+        if not self._is_recorded(status.survey):
+            rospy.logwarn("Another survey has begun: what was recorded before is dropped.")
+            self._recording = self._new_recording()
+        if status.odometry_messages and self._recording.started_s is None:
+            self._recording.started_s = time.monotonic()
         self._recording.statuses.append(status)
         self._recording.history.on_status(status)
         self._heard[names.CORE] += 1
 
     def _on_map_status(self, status: MapStatus) -> None:
-        self._recording.map_statuses[status.node] = status
-        self._recording.history.on_map_status(status)
         self._heard[names.map_node(status.node)] += 1
+        if self._is_recorded(status.survey):
+            self._recording.map_statuses[status.node] = status
+            self._recording.history.on_map_status(status)
+
+    def _is_recorded(self, survey: int) -> bool:
+        """Whether it is the survey that is being recorded; any is, before the first status."""
+        statuses = self._recording.statuses
+        return not statuses or statuses[-1].survey == survey
 
     def _on_save(self, _: Trigger) -> TriggerResponse:
         self._saving = True

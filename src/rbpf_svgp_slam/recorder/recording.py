@@ -26,4 +26,5 @@ class Recording:
     statuses: list[FilterStatus] = field(default_factory=list)
     map_statuses: dict[int, MapStatus] = field(default_factory=dict)  # the latest, by node
     history: History = field(default_factory=History)
+    started_s: float | None = None  # wall clock, at the first odometry
     wall_s: float = 0.0  # that the survey took, once it is over

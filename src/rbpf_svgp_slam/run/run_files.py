@@ -20,6 +20,7 @@ import yaml
 from scipy.interpolate import RegularGridInterpolator
 
 from rbpf_svgp_slam.npz import READING_ERRORS
+from rbpf_svgp_slam.run.aside import written_aside
 from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.run.survey_run import GridMap, Predict, StoredMap, SurveyRun, TimeLapse
 from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum, write_tum
@@ -27,6 +28,8 @@ from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum, write_tum
 # Array of map.npz, which has its name from the engine that was the first.
 _SUPPORT_POINTS = "inducing_points"
 _COVARIANCES = ("estimate_covariance", "online_covariance")
+SEABED = "seabed.npz"
+_MAY_LACK = ("online.tum", "ground_truth.tum", "closures.npz", "time_lapse.npz")
 _TIME_LAPSE = ("t_s", "x", "y", "mean")
 _STAMP_TOLERANCE_S = 1e-6  # TUM files hold nine decimals, doubles of today's stamps seven
 
@@ -35,14 +38,15 @@ class RunFolderError(ValueError):
     """A run folder lacks something that cannot be done without, or a file is damaged."""
 
 
-def save_run(run: SurveyRun, out_dir: Path) -> None:
-    """Write everything but the report."""
-    out_dir.mkdir(parents=True, exist_ok=True)
+def save_run(run: SurveyRun, folder: Path) -> None:
+    """Write everything but the report, and put it into the folder when all of it is written."""
+    with written_aside(folder, _MAY_LACK) as aside:
+        _write_run(run, aside)
+
+
+def _write_run(run: SurveyRun, out_dir: Path) -> None:
     write_tum(out_dir / "trajectory.tum", run.stamp_s, run.estimate)
     write_tum(out_dir / "dead_reckoning.tum", run.stamp_s, run.dead_reckoning)
-    # What an earlier run has left must not stay beside a run that has none.
-    for name in ("online.tum", "ground_truth.tum", "closures.npz", "time_lapse.npz"):
-        (out_dir / name).unlink(missing_ok=True)
     for name in ("online", "ground_truth"):
         if getattr(run, name) is not None:
             write_tum(out_dir / f"{name}.tum", run.stamp_s, getattr(run, name))
@@ -66,10 +70,9 @@ def save_run(run: SurveyRun, out_dir: Path) -> None:
 
 
 def save_seabed(run: SurveyRun, out_dir: Path) -> None:
-    """Write seabed.npz: the seabed of the final trajectory; where there is none, no file stays."""
-    path = out_dir / "seabed.npz"
+    """Write seabed.npz, the seabed of the final trajectory; nothing where there is none."""
+    path = out_dir / SEABED
     if run.seabed is None:
-        path.unlink(missing_ok=True)
         return
     model = run.seabed_map.model
     np.savez_compressed(
