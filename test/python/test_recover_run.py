@@ -106,7 +106,7 @@ def test_a_run_folder_is_made_of_the_journal_alone(tmp_path, capsys):
 def test_ground_truth_in_the_folder_scores_it_and_it_may_be_made_again(tmp_path, capsys):
     stamps_s = write_journal(tmp_path, tail=b"power")
     truth = np.zeros((len(stamps_s), 6))
-    truth[:, 0], truth[:, 1] = SPEED_MPS * (stamps_s - 100.0), 0.5
+    truth[:, 0], truth[:, 1], truth[:, 2] = SPEED_MPS * (stamps_s - 100.0), 0.5, -5.0
     write_tum(tmp_path / "ground_truth.tum", stamps_s, truth)
     for _ in range(2):
         assert main([str(tmp_path)]) == 0

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <limits>
+#include <charconv>
 #include <map>
 #include <sstream>
 #include <stdexcept>
@@ -63,11 +63,21 @@ struct Write {
   void put(const T& number) const {
     out << number;
   }
+  // As short as it can be to be read back as it is.
+  void put(double number) const {
+    std::array<char, 32> text{};
+    const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
+    out.write(text.data(), end - text.data());
+  }
   void put(bool value) const { out << (value ? "true" : "false"); }
   void put(Velocity velocity) const { out << kVelocities[static_cast<std::size_t>(velocity)]; }
   void put(const std::optional<Pose2>& pose) const {
     if (pose) {
-      out << pose->x_m << ' ' << pose->y_m << ' ' << pose->yaw_rad;
+      put(pose->x_m);
+      out << ' ';
+      put(pose->y_m);
+      out << ' ';
+      put(pose->yaw_rad);
     } else {
       out << "none";
     }
@@ -119,7 +129,6 @@ std::map<std::string, std::string> valuesOf(const FilterSettings& settings) {
 
 FilterSettings settingsOf(const FilterParams& params) {
   std::ostringstream text;
-  text.precision(std::numeric_limits<double>::max_digits10);
   forEach(params, Write{text});
   return {text.str()};
 }
