@@ -74,7 +74,10 @@ def write_journal(folder, tail=b""):
     config["particles"] = 3
     xml = xmlrpc.client.dumps((config,)).split("<param>")[1].split("</param>")[0]
     stamps_s = 100.0 + np.arange(PINGS) / HZ
-    records = [record(FILTER_SETTINGS, text(SETTINGS)), record(PROGRAM_SETTINGS, struct.pack("<Q", 1) + text(xml))]
+    records = [
+        record(FILTER_SETTINGS, text(SETTINGS)),
+        record(PROGRAM_SETTINGS, struct.pack("<Q", 1) + text(xml)),
+    ]
     for stamp_s in stamps_s:
         records += [odometry(stamp_s), ping(stamp_s)]
     head = b"RBPFJRNL" + struct.pack("<I", 1)
