@@ -12,6 +12,7 @@ from std_msgs.msg import Header
 
 from rbpf_svgp_slam.figures.cloud_colours import points_rgb
 from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.map_node.surveyed_seabed import SurveyedSeabed
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.protocol import names
@@ -28,7 +29,8 @@ CHUNK_POINTS = 1000
 class MapPublisher:
     """Topics map/mean, map/variance and the map's support points, from the best particle's node.
 
-    The mean has the report's colours.
+    The mean has the report's colours, and is that of the seabed surveyed so far; a map predicts
+    depths beyond it too, which nobody has seen. The variance is that of the whole survey area.
 
     Works on the training thread, a moment between every two steps.
     """
@@ -38,7 +40,10 @@ class MapPublisher:
         self._frame = parameters.frames.map
         self._period_s = parameters.map.publish_period_s
         self._origin = survey_origin(parameters.survey_area)
-        self._points = survey_grid(parameters.survey_area, parameters.map.resolution_m, MAX_POINTS)
+        self._points, spacing_m = survey_grid(
+            parameters.survey_area, parameters.map.resolution_m, MAX_POINTS
+        )
+        self._seabed = SurveyedSeabed(self._points, spacing_m)
         self._mean, self._variance, self._support = (
             rospy.Publisher(name, PointCloud2, queue_size=1)
             for name in (names.MAP_MEAN, names.MAP_VARIANCE, names.MAP_SUPPORT_POINTS)
@@ -62,11 +67,14 @@ class MapPublisher:
         self._best_particle = status.best_particle
 
     def _due(self) -> bool:
+        ours = self._period_s > 0 and self._best_particle in self._store.own
+        masked = ours and self._mean.get_num_connections() > 0
+        self._seabed.listen(masked)
         return (
-            self._period_s > 0
+            ours
             and time.monotonic() >= self._next_s
-            and self._best_particle in self._store.own
             and any(p.get_num_connections() for p in (self._mean, self._variance, self._support))
+            and (self._seabed.known or not masked)
         )
 
     def _publish(self, particle: int) -> Iterator[None]:
@@ -86,7 +94,13 @@ class MapPublisher:
                     mean[chunk], variance[chunk] = snapshot.predict(xy)
                 yield
             points = np.column_stack([self._points, mean])
-            xyz = dict(zip("xyz", points.T))
             std = np.sqrt(np.maximum(variance, 0.0))
-            self._mean.publish(point_cloud(header, {**xyz, "rgb": packed_rgb(points_rgb(points))}))
-            self._variance.publish(point_cloud(header, {**xyz, "std": std}))
+            self._variance.publish(point_cloud(header, {**_columns(points), "std": std}))
+            seen = points[self._seabed.surveyed()]
+            rgb = packed_rgb(points_rgb(seen))
+            self._mean.publish(point_cloud(header, {**_columns(seen), "rgb": rgb}))
+
+
+def _columns(points: np.ndarray) -> dict[str, np.ndarray]:
+    """Of points [n, 3]."""
+    return dict(zip("xyz", points.T))

@@ -6,6 +6,8 @@ from __future__ import annotations
 PARAMETERS = "rbpf_svgp_slam"
 CORE = "rbpf_core"
 FILTER_STATUS = f"{CORE}/status"
+#: All pings so far, thinned, placed by the estimate.
+BATHYMETRY = f"{CORE}/bathymetry"
 GET_MINIBATCHES = f"{CORE}/get_minibatches"
 GET_BEAMS = f"{CORE}/get_beams"
 GET_PINGS = f"{CORE}/get_pings"
