@@ -206,6 +206,7 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   params.offline_steps_per_second = reader.number("offline/steps_per_second", 0.0, kUnlimited);
   params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kUnlimited);
+  params.vehicle_length_m = reader.number("output/vehicle_length_m", 0.1, kUnlimited);
   params.final_training_s = reader.number("output/final_training_s", 0.0, kUnlimited);
   // for the recorder alone
   reader.number("output/time_lapse_period_s", 0.0, kUnlimited);
