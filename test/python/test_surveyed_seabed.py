@@ -48,6 +48,12 @@ def test_only_what_lies_between_pings_of_a_line_is_filled(seabed, apart, closed)
     assert not grid[:4].any() and not grid[7 + apart :].any()
 
 
+def test_an_area_without_points_has_nothing_surveyed():
+    seabed = SurveyedSeabed(*survey_grid([[0, 0], [1, 0], [1, 1]], 10.0, 1000))
+    seabed._on_beams(point_cloud2.create_cloud_xyz32(Header(), [(0.5, 0.5, -20.0)]))
+    assert seabed.surveyed().shape == (0,)
+
+
 def test_nothing_is_known_before_the_first_beam(seabed):
     seabed._on_beams(point_cloud2.create_cloud_xyz32(Header(), []))
     assert not seabed.known and not seabed.surveyed().any()

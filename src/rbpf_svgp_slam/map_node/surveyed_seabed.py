@@ -26,10 +26,12 @@ class SurveyedSeabed:
     def __init__(self, points: np.ndarray, spacing_m: float) -> None:
         """points [n, 2]: centres of cells, frame map, m; spacing_m: of the cells."""
         self._spacing_m = spacing_m
+        # An area narrower than the spacing has no points.
+        first = points.min(axis=0) if len(points) else np.zeros(2)
         # The margin is for closing, which takes what is outside for not surveyed.
-        self._low = points.min(axis=0) - (CLOSED_CELLS + 0.5) * spacing_m
+        self._low = first - (CLOSED_CELLS + 0.5) * spacing_m
         self._cells = tuple(self._cells_of(points).T)
-        self._shape = tuple(axis.max() + 1 + CLOSED_CELLS for axis in self._cells)
+        self._shape = tuple(axis.max(initial=0) + 1 + CLOSED_CELLS for axis in self._cells)
         self._subscriber: rospy.Subscriber | None = None
         self._beams: PointCloud2 | None = None
 
