@@ -3,8 +3,9 @@
 # makes a time lapse of them.
 #   tools/screenshot.sh DIR [ENGINE [RATE]]
 #   DIR/frames/001.png ..., DIR/time_lapse.gif; svgp, played 2 times faster than it was made
-# docs/ has frames of it by hand, since when something happens depends on how fast the machine is:
-# rviz_young.png, rviz_crossing.png, rviz_end.png of svgp, rviz_gmrf.png of gmrf.
+# docs/rviz.gif is the time lapse of svgp at rate 4. The pictures in docs/ are frames chosen by hand,
+# made smaller with convert -resize 1200x -colors 200 +dither: when something happens depends on how
+# fast the machine is.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 dir=${1:?"expected a folder for the pictures"}
@@ -40,9 +41,9 @@ scene=1120x808+364+62
 status=342x208+0+662
 frames=("$dir"/frames/*.png)
 scenes=()
-for ((i = 0; i < ${#frames[@]}; i += 1 + ${#frames[@]} / 40)); do
+for ((i = 0; i < ${#frames[@]}; i += 1 + ${#frames[@]} / 60)); do
   scenes+=("(" "${frames[i]}" -crop "$scene" +repage
     "(" "${frames[i]}" -crop "$status" +repage ")" -composite -resize 760x ")")
 done
-convert -delay 30 "${scenes[@]}" -loop 0 +dither -colors 64 -layers optimize "$dir/time_lapse.gif"
+convert -delay 25 "${scenes[@]}" -loop 0 +dither -colors 64 -layers optimize "$dir/time_lapse.gif"
 ls -l "$dir/time_lapse.gif"
