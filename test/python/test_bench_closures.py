@@ -39,6 +39,21 @@ def test_seabeds_are_as_high_as_they_say(monkeypatch):
     assert np.abs(ripples).max() == pytest.approx(0.25, abs=1e-3)
 
 
+def test_boulders_stand_on_the_flat_and_a_slope_rises():
+    mission = get_mission(simulated_runs.MISSION, SCALE)
+    flat = seabeds.nearly_flat(mission, 3)
+    boulders_m = seabeds.boulder_field(mission, 3).z_m - flat.z_m
+    # Domes of 0.5 to 2 m radius, one on 150 m2: pi * mean(r^2) / 150 of the seabed, as far as they
+    # do not overlap.
+    radii_m = np.array(seabeds.BOULDER_RADII_M)
+    mean_square_m2 = (radii_m[1] ** 3 - radii_m[0] ** 3) / 3 / np.ptp(radii_m)
+    assert (boulders_m > 0).mean() == pytest.approx(np.pi * mean_square_m2 / 150, rel=0.15)
+    assert boulders_m.min() > -0.15 and 0.8 < boulders_m.max() < 1.15
+    rise_m = seabeds.slope(mission, 3).z_m - flat.z_m
+    gradient = np.hypot(*np.gradient(rise_m, flat.resolution_m))
+    np.testing.assert_allclose(gradient, seabeds.SLOPE, rtol=1e-3)
+
+
 def test_the_bench_writes_its_tables_and_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("CLOSURE_SEEDS", "1")
     monkeypatch.setenv("CLOSURE_SCALE", str(SCALE))

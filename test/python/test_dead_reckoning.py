@@ -10,6 +10,7 @@ from small_survey import EXACT
 from rbpf_svgp_slam.bags.recorded_survey import Trajectory, rotation_from_rpy
 from rbpf_svgp_slam.simulation.dead_reckoning import (
     DeadReckoningNoise,
+    draw_biases,
     horizontal_errors,
     integrate_twist,
     simulate_dead_reckoning,
@@ -107,6 +108,33 @@ def test_biases_are_constant_through_a_survey():
     )
     rate_radps = turning.rpy_rad[1:, 2] / truth.time_s[1:]
     assert np.ptp(rate_radps) < 1e-12 and 0 < abs(rate_radps[0]) < 4e-4
+
+
+def test_a_current_carries_off_by_the_map_and_a_velocity_bias_by_the_body():
+    truth = straight_track()
+    turned = dataclasses.replace(
+        truth, rpy_rad=truth.rpy_rad + [0, 0, 1.0], position_m=np.zeros_like(truth.position_m)
+    )
+    for field, turns_with_body in (("current_mps", False), ("velocity_bias_mps", True)):
+        noise = dataclasses.replace(EXACT, **{field: 0.02})
+        drifts_mps = []
+        for track in (truth, turned):
+            odometry = simulate_dead_reckoning(track, noise, np.random.default_rng(3))
+            exact = simulate_dead_reckoning(track, EXACT, np.random.default_rng(3))
+            off_m = (odometry.position_m - exact.position_m)[1:, :2]
+            drift_mps = off_m / truth.time_s[1:, None]
+            assert np.ptp(drift_mps, axis=0).max() < 1e-9 and 0 < np.abs(drift_mps).max() < 0.08
+            drifts_mps.append(drift_mps[-1])
+        c, s = np.cos(1.0), np.sin(1.0)
+        expected = np.array([[c, -s], [s, c]]) @ drifts_mps[0] if turns_with_body else drifts_mps[0]
+        np.testing.assert_allclose(drifts_mps[1], expected, atol=1e-9)
+
+
+def test_noise_without_a_current_draws_what_it_has_always_drawn():
+    rng, without = np.random.default_rng(7), np.random.default_rng(7)
+    draw_biases(DeadReckoningNoise(), rng)
+    without.standard_normal(2)
+    assert rng.standard_normal() == without.standard_normal(), "seeds keep their surveys"
 
 
 def test_dead_reckoned_pose_is_the_integral_of_its_own_twists(demo_truth):

@@ -1,5 +1,6 @@
 """Missions of the simulator: their lines, their scale and what they are made after."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -22,6 +23,16 @@ def test_lines_stay_in_the_area_cross_each_other_and_return(name, scale):
     for axis in (0, 1):
         full = np.isclose(np.abs(legs_m[:, axis]), area_m[axis] - 2 * mission.inset_m)
         assert full.sum() >= 2, "lines from end to end in both directions"
+
+
+def test_without_crossing_lines_there_are_the_lines_and_the_way_back():
+    mission = dataclasses.replace(get_mission("lolo3"), crossing_spacing_m=math.inf)
+    waypoints_m = plan_waypoints(mission)
+    along_m = np.abs(np.diff(waypoints_m, axis=0))
+    full_m = mission.area_m[0] - 2 * mission.inset_m
+    lines = np.isclose(along_m[:, 0], full_m) & (along_m[:, 1] == 0)
+    assert lines.sum() == 7 and np.array_equal(waypoints_m[0], waypoints_m[-1])
+    assert (along_m[:-1, 1][~lines[:-1]] < 1.01 * mission.line_spacing_m).all(), "none across"
 
 
 @pytest.mark.parametrize("name", MISSIONS)

@@ -13,7 +13,8 @@ from rbpf_svgp_slam.simulation import vehicle
 class DeadReckoningNoise:
     """White noise is given per square root of a second: variance grows by its square each second.
 
-    The biases are constant through a survey and drawn once, with these standard deviations.
+    The biases are constant through a survey and drawn once, with these standard deviations; so is
+    the current, as a velocity over ground that an odometry through water knows nothing of.
     """
 
     surge_m_per_sqrt_s: float = 0.08
@@ -23,12 +24,30 @@ class DeadReckoningNoise:
     gyro_bias_radps: float = 5e-5
     depth_m: float = 0.01  # white, each sample
     attitude_rad: float = math.radians(0.05)  # white, each sample, roll and pitch
+    velocity_bias_mps: float = 0.0  # surge and sway
+    current_mps: float = 0.0  # to the east and to the north
+
+
+@dataclasses.dataclass(frozen=True)
+class Biases:
+    """Of one survey."""
+
+    surge_scale: float  # factor, about 1
+    gyro_radps: float
+    velocity_mps: np.ndarray  # [2], surge and sway
+    current_mps: np.ndarray  # [2], to the east and to the north
 
 
 def draw_biases(noise, rng):
-    """The surge's scale and the gyro's bias, rad/s, of one survey."""
+    """One survey's Biases."""
     scale = 1 + noise.surge_scale * rng.standard_normal()
-    return scale, noise.gyro_bias_radps * rng.standard_normal()
+    gyro_radps = noise.gyro_bias_radps * rng.standard_normal()
+    # Not drawn where there are none, so that noise without them draws what it has always drawn.
+    velocity_mps, current_mps = (
+        std_mps * rng.standard_normal(2) if std_mps else np.zeros(2)
+        for std_mps in (noise.velocity_bias_mps, noise.current_mps)
+    )
+    return Biases(scale, gyro_radps, velocity_mps, current_mps)
 
 
 def simulate_dead_reckoning(truth, noise, rng, biases=None):
@@ -36,20 +55,21 @@ def simulate_dead_reckoning(truth, noise, rng, biases=None):
 
     Its pose starts at the true one, so odom equals map there; x, y and yaw are the integral of the
     very twists it carries, levelled with the roll and pitch it carries; z, roll and pitch are
-    measured. biases: as of draw_biases, which draws them if there are none yet.
+    measured. biases: of draw_biases, which draws them if there are none yet.
     """
     samples = len(truth.time_s)
     period_s = truth.time_s[1] - truth.time_s[0]
-    scale, gyro_bias_radps = biases or draw_biases(noise, rng)
+    biases = biases or draw_biases(noise, rng)
 
     per_sqrt_s = (noise.surge_m_per_sqrt_s, noise.sway_m_per_sqrt_s, noise.yaw_rad_per_sqrt_s)
     white = rng.standard_normal((samples, 3)) * per_sqrt_s / math.sqrt(period_s)
     to_level = vehicle.levelling_rotation(truth.rpy_rad)
     level_mps = to_level.apply(truth.linear_mps)
-    level_mps[:, 0] *= scale
-    level_mps[:, :2] += white[:, :2]
+    level_mps[:, 0] *= biases.surge_scale
+    level_mps[:, :2] += white[:, :2] + biases.velocity_mps
+    level_mps[:, :2] -= _seen_from(truth.rpy_rad[:, 2], biases.current_mps)
     yaw_error_radps = np.zeros((samples, 3))
-    yaw_error_radps[:, 2] = white[:, 2] + gyro_bias_radps
+    yaw_error_radps[:, 2] = white[:, 2] + biases.gyro_radps
 
     rpy_rad = truth.rpy_rad.copy()
     rpy_rad[:, :2] += noise.attitude_rad * rng.standard_normal((samples, 2))
@@ -66,6 +86,13 @@ def simulate_dead_reckoning(truth, noise, rng, biases=None):
         linear_mps=linear_mps,
         angular_radps=angular_radps,
     )
+
+
+def _seen_from(yaw_rad, velocity_mps):
+    """A velocity [2] of the map frame in levelled bodies with these headings [T]: [T, 2]."""
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    east, north = velocity_mps
+    return np.column_stack([cos * east + sin * north, cos * north - sin * east])
 
 
 def integrate_twist(linear_mps, angular_radps, rpy_rad, start, period_s):

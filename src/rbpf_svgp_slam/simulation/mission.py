@@ -27,7 +27,7 @@ class Mission:
     area_m: tuple  # (x, y) of the seabed to be covered
     inset_m: float  # from the area's edge to the outermost lines, so that turns stay inside
     line_spacing_m: float
-    crossing_spacing_m: float
+    crossing_spacing_m: float  # infinity: no crossing lines
     speed_mps: float
     altitude_m: float
     beams: int
@@ -165,6 +165,8 @@ def plan_waypoints(mission):
     points = [lower]
     for axis, spacing_m in ((0, mission.line_spacing_m), (1, mission.crossing_spacing_m)):
         across = 1 - axis
+        if math.isinf(spacing_m):
+            continue
         count = max(2, round((upper[across] - lower[across]) / spacing_m) + 1)
         if axis == 1:
             count |= 1  # an odd number ends on the start's side, without doubling back on a line

@@ -75,8 +75,7 @@ def _run(arguments):
     )
     write_bag(str(arguments.out), survey.recorded(), _progress_line("writing the bag"))
     save_terrain(arguments.out.with_suffix(".terrain.npz"), survey.terrain)
-    noise = survey.mission.dead_reckoning
-    _write_overlay(arguments.out.with_suffix(".survey.yaml"), survey.area_m(), noise)
+    write_overlay(arguments.out.with_suffix(".survey.yaml"), survey)
     _print_summary(arguments.out, survey, time.monotonic() - started_s)
 
 
@@ -93,8 +92,10 @@ def _check(arguments):
         raise SurveyError(f"out is {arguments.out}, expected a file in an existing folder")
 
 
-def _write_overlay(path, area_m, noise):
-    corners = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in area_m)
+def write_overlay(path, survey):
+    """Write what one knows of the survey before it as parameters of the filter."""
+    noise = survey.mission.dead_reckoning
+    corners = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in survey.area_m())
     path.write_text(
         "# The seabed that the swath reaches, in the map frame.\n"
         f"survey_area: [{corners}]\n"

@@ -1,0 +1,1 @@
+"""What the data allow: the method and its rivals on many simulated surveys; `tools/study.sh`."""

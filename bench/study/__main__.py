@@ -1,0 +1,119 @@
+"""The command line of the study; started by tools/study.sh."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from bench.paths import ROOT
+from bench.study import tables
+from bench.study.cases import ONE_AT_A_TIME, Case, cases
+from bench.study.contestants import overlay
+from bench.study.replays import make_survey, replay
+from rbpf_svgp_slam import cpu
+
+#: Nothing was chosen on these and the next ones.
+FIRST_SEED = 201
+
+_DESCRIPTION = """Run contestants on simulated surveys by offline replay, so that the results do not
+depend on the machine's speed, and print what they reach beside dead reckoning and the ideal
+smoother and filter. DIR gets a line for each run in rows.jsonl, the tables in study.md, and the
+runs' reports and tracks. What rows.jsonl has is not run again: an interrupted study goes on."""
+
+
+def main() -> int:
+    """Run the study; returns the exit status."""
+    arguments = _parse()
+    cpu.prepare(threads=1)
+    try:
+        chosen = cases(arguments.cases) if arguments.cases else ONE_AT_A_TIME
+        for name in arguments.contestants:
+            overlay(name)
+    except ValueError as error:
+        print(f"tools/study.sh: error: {error}", file=sys.stderr)
+        return 2
+    out = arguments.out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
+    study = Study(out, arguments.contestants)
+    # All cases of one seed before the next seed: whenever it is interrupted, no case is left out.
+    surveys = [(case, seed) for seed, case in itertools.product(seeds, chosen)]
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        list(pool.map(lambda survey: study.run(*survey), surveys))
+    rows = study.rows(surveys)
+    text = f"{tables.medians(rows)}\n\n{tables.every(rows)}\n"
+    (out / "study.md").write_text(text, encoding="utf-8")
+    print(tables.medians(rows))
+    return 0
+
+
+class Study:
+    """Its folder."""
+
+    def __init__(self, out: Path, contestants: list[str]) -> None:
+        self._out = out
+        self._contestants = contestants
+        self._file = out / "rows.jsonl"
+        self._lock = Lock()
+        lines = self._file.read_text(encoding="utf-8").splitlines() if self._file.is_file() else []
+        self._known = {self._key(row): row for row in map(json.loads, lines)}
+
+    @staticmethod
+    def _key(row: dict[str, Any]) -> tuple[str, int, str]:
+        return row["case"], row["seed"], row["contestant"]
+
+    def run(self, case: Case, seed: int) -> None:
+        """What has still to be run on this survey; the bag goes when all is done."""
+        missing = [c for c in self._contestants if (case.name, seed, c) not in self._known]
+        if not missing:
+            return
+        bag = make_survey(case, seed, self._out)
+        for contestant in missing:
+            folder = self._out / f"{case.name}_{seed}" / contestant
+            row = {"case": case.name, "seed": seed, "contestant": contestant}
+            self._keep({**row, **replay(contestant, seed, bag, folder)})
+        for path in self._out.glob(f"{bag.stem}.*"):
+            path.unlink()
+
+    def _keep(self, row: dict[str, Any]) -> None:
+        with self._lock, self._file.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+            self._known[self._key(row)] = row
+            print(json.dumps(row), flush=True)
+
+    def rows(self, surveys: list[tuple[Case, int]]) -> list[dict[str, Any]]:
+        """Of these surveys and this study's contestants, by case, contestant and seed."""
+        names = list(dict.fromkeys(case.name for case, _ in surveys))
+        seeds = list(dict.fromkeys(seed for _, seed in surveys))
+        keys = (
+            (case, seed, contestant)
+            for case, contestant, seed in itertools.product(names, self._contestants, seeds)
+        )
+        return [self._known[key] for key in keys if key in self._known]
+
+
+def _parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="tools/study.sh", description=_DESCRIPTION)
+    add = parser.add_argument
+    add("out", nargs="?", type=Path, default=ROOT / "out" / "study", metavar="DIR")
+    add(
+        "--cases",
+        nargs="+",
+        metavar="CASE",
+        help="names such as base, rippled, cheap+outliers5; all",
+    )
+    add("--contestants", nargs="+", default=["gmrf100"], metavar="NAME")
+    add("--seeds", type=int, default=10, metavar="K")
+    add("--first-seed", type=int, default=FIRST_SEED, metavar="N")
+    add("--jobs", type=int, default=1, metavar="N", help="surveys at once")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,44 @@
+"""What runs on the study's surveys: parameters over config/default.yaml, by name.
+
+The number of map nodes changes nothing in the results; one leaves the other core to another run.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from rbpf_svgp_slam.nested import merged
+from rbpf_svgp_slam.parameters.known import config_folder
+
+ALONE = {"smoothing": {"period_s": 0.0}}
+_ONE_NODE = {"nodes": 1}
+
+
+def _shipped(name: str) -> dict[str, Any]:
+    return yaml.safe_load((config_folder() / f"{name}.yaml").read_text(encoding="utf-8"))
+
+
+def _gmrf(particles: int, **over: Any) -> dict[str, Any]:
+    return merged(merged(_shipped("gmrf"), {"particles": particles}), over)
+
+
+#: default.yaml is the robust rule with SVGP maps, J = 40, and smoothing.
+CONTESTANTS: dict[str, dict[str, Any]] = {
+    "paper": _shipped("paper"),
+    "svgp40-alone": ALONE,
+    "svgp40": {},
+    "gmrf40": _gmrf(40),
+    "gmrf100-alone": _gmrf(100, **ALONE),
+    "gmrf100": _gmrf(100),
+    "gmrf1000-alone": _gmrf(1000, **ALONE),
+    "gmrf1000": _gmrf(1000),
+}
+
+
+def overlay(name: str) -> dict[str, Any]:
+    """The contestant's parameters; raises ValueError."""
+    if name not in CONTESTANTS:
+        raise ValueError(f"contestant is '{name}', expected one of {', '.join(CONTESTANTS)}")
+    return merged(_ONE_NODE, CONTESTANTS[name])

@@ -1,0 +1,92 @@
+"""One contestant on one survey: an offline replay by the package's own launch file, and its row."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from bench.study.cases import Case
+from bench.study.contestants import overlay
+from rbpf_svgp_slam import machine
+from rbpf_svgp_slam.bags.survey_bag import write_bag
+from rbpf_svgp_slam.simulation.simulate_command import write_overlay
+from rbpf_svgp_slam.simulation.terrain import save_terrain
+
+#: Of a row, as report.json names them.
+FIELDS = (
+    "dr_ate_rmse_m dr_ate_aligned_rmse_m online_ate_rmse_m ate_rmse_m ate_aligned_rmse_m "
+    "ideal_online_ate_rmse_m ideal_ate_rmse_m ideal_ate_aligned_rmse_m online_nees nees "
+    "closures_accepted closures_refused closures_wrong loop_closure_prompts resamplings "
+    "map_rmse_m seabed_rmse_m grid_rmse_m duration_s wall_s"
+).split()
+PATIENCE_S = 3600.0
+
+
+def make_survey(case: Case, seed: int, folder: Path) -> Path:
+    """Write the survey's bag with overlay and seabed beside it, unless it is there."""
+    bag = folder / f"{case.name}_{seed}.bag"
+    if not bag.is_file():
+        survey = case.survey(seed)
+        save_terrain(bag.with_suffix(".terrain.npz"), survey.terrain)
+        write_overlay(bag.with_suffix(".survey.yaml"), survey)
+        half = bag.with_suffix(".half")
+        write_bag(str(half), survey.recorded(), lambda share: None)
+        half.rename(bag)
+    return bag
+
+
+def replay(contestant: str, seed: int, bag: Path, folder: Path) -> dict[str, Any]:
+    """Run it; returns the row's figures. The run folder keeps its report and its tracks."""
+    folder.mkdir(parents=True, exist_ok=True)
+    config = folder / "config.yaml"
+    config.write_text(yaml.safe_dump({**overlay(contestant), "seed": seed}), encoding="utf-8")
+    command = ["rosrun", "rbpf_svgp_slam", "run_launch.py", "offline.launch", "check:=false"]
+    command += [f"bag:={bag}", f"survey:={bag.with_suffix('.survey.yaml')}"]
+    command += [f"terrain:={bag.with_suffix('.terrain.npz')}", f"config:={config}"]
+    command += [f"out:={folder}"]
+    started_s = time.monotonic()
+    with (folder / "launch.log").open("w") as log:
+        status = subprocess.run(
+            command, stdout=log, stderr=subprocess.STDOUT, env=_own_master(), timeout=PATIENCE_S
+        ).returncode
+    if status:
+        raise RuntimeError(f"{contestant} on {bag.stem} failed: see {folder}/launch.log")
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    _drop_large_files(folder)
+    row = {name: report.get(name) for name in FIELDS}
+    row["closures_refused"] = sum((row["closures_refused"] or {}).values())
+    row["launch_s"] = round(time.monotonic() - started_s, 1)
+    row["commit"] = machine.commit()
+    return row
+
+
+def _own_master() -> dict[str, str]:
+    """The environment, with a ROS master on a port that is free now."""
+    with socket.socket() as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    return {**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}
+
+
+def _drop_large_files(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path)
+        elif path.suffix in (".npz", ".html", ".gif"):
+            path.unlink()
+
+
+def ratio(row: dict[str, Any], name: str, other: str) -> float:
+    """Of two fields; NaN where either is missing."""
+    if row[name] is None or not row[other]:
+        return float(np.nan)
+    return row[name] / row[other]

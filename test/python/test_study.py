@@ -1,0 +1,87 @@
+"""The study of what the data allow: its cases, its tables, and that it goes on where it was."""
+
+import dataclasses
+
+import pytest
+
+from bench.study import __main__ as command
+from bench.study import cases, contestants, tables
+from rbpf_svgp_slam.parameters.known import complaints, default_parameters
+from rbpf_svgp_slam.simulation.mission import get_mission, plan_waypoints
+
+
+def test_cases_are_named_by_what_differs_from_the_base():
+    assert len(cases.ALL) == 6 * 3 * 3 * 4 == len({case.name for case in cases.ALL})
+    assert [case.name for case in cases.ONE_AT_A_TIME].count("base") == 1
+    assert len(cases.ONE_AT_A_TIME) == 1 + 5 + 2 + 2 + 3
+    [case] = cases.cases(["rippled+cheap"])
+    assert (case.seabed, case.dead_reckoning, case.lines) == ("rippled", "cheap", "crossed")
+    with pytest.raises(ValueError, match="case is 'cheap.rippled', expected base, all, or"):
+        cases.cases(["base", "cheap+rippled"])
+
+
+@pytest.mark.parametrize(
+    "lines, overlap", [("overlap50", 0.5), ("overlap10", 0.1), ("overlap0", -0.05)]
+)
+def test_lines_overlap_by_what_they_are_called(lines, overlap):
+    layout = cases.LINES[lines]
+    mission = dataclasses.replace(
+        get_mission("lolo3"),
+        area_m=layout.area_m,
+        line_spacing_m=layout.spacing_m,
+        crossing_spacing_m=layout.crossing_m,
+    )
+    y_m = sorted({round(y, 6) for _, y in plan_waypoints(mission)})
+    spacings_m = [b - a for a, b in zip(y_m, y_m[1:])]
+    assert spacings_m == pytest.approx([(1 - overlap) * cases.SWATH_M] * len(spacings_m))
+
+
+def test_contestants_set_parameters_that_exist():
+    for name in contestants.CONTESTANTS:
+        assert list(complaints(contestants.overlay(name), default_parameters())) == []
+    assert contestants.overlay("paper")["lc"]["weights"] == "product"
+    with pytest.raises(ValueError, match="contestant is 'best', expected one of paper"):
+        contestants.overlay("best")
+
+
+def row(**over):
+    """A run's row, made up."""
+    fields = dict.fromkeys(
+        "dr_ate_aligned_rmse_m ate_aligned_rmse_m ideal_ate_aligned_rmse_m online_nees nees "
+        "closures_refused map_rmse_m seabed_rmse_m grid_rmse_m wall_s".split(),
+        1.0,
+    )
+    fields.update(case="base", seed=1, contestant="gmrf100", commit="x", closures_accepted=50)
+    fields.update(dr_ate_rmse_m=4.0, online_ate_rmse_m=1.0, ideal_online_ate_rmse_m=0.8)
+    fields.update(ate_rmse_m=0.5, ideal_ate_rmse_m=0.4, closures_wrong=1)
+    fields.update(loop_closure_prompts=10, resamplings=4)
+    return {**fields, **over}
+
+
+def test_tables_have_medians_and_the_worst():
+    rows = [row(), row(seed=2, ate_rmse_m=6.0), row(seed=3, ate_rmse_m=0.4, closures_wrong=None)]
+    header, _, line = tables.medians(rows).splitlines()
+    shown = dict(zip(header.split(" | "), line.split(" | ")))
+    assert float(shown["final, m"]) == 0.5 and float(shown["final over ideal"]) == 1.25
+    assert float(shown["worst final over DR"]) == 1.5
+    assert float(shown["wrong, %"]) == pytest.approx(100 * 2 / 150, rel=0.01)
+    assert float(shown["prompts that resample"]) == 0.4
+    assert len(tables.every(rows).splitlines()) == 2 + 3
+
+
+def test_a_study_goes_on_where_it_was(tmp_path, monkeypatch):
+    ran = []
+
+    def replay(contestant, seed, bag, folder):
+        ran.append((contestant, seed))
+        keys = ("case", "seed", "contestant")
+        return {name: value for name, value in row().items() if name not in keys}
+
+    monkeypatch.setattr(command, "make_survey", lambda case, seed, out: out / "a.bag")
+    monkeypatch.setattr(command, "replay", replay)
+    survey = (cases.BASE, 201)
+    command.Study(tmp_path, ["gmrf40"]).run(*survey)
+    study = command.Study(tmp_path, ["gmrf40", "gmrf100"])
+    study.run(*survey)
+    assert ran == [("gmrf40", 201), ("gmrf100", 201)]
+    assert [row["contestant"] for row in study.rows([survey])] == ["gmrf40", "gmrf100"]
