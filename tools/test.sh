@@ -56,6 +56,12 @@ surveys_beside_offline() {
   cat "$results/offline.log"
   $passed
 }
+# Nodes wait more than they compute: other workspaces are built meanwhile, behind them (nice). Tests
+# marked alone, before, have had the machine to themselves.
+# A session of their own, so that they end with this script, compilers and all.
+setsid nice tools/test_builds.sh >"$results/builds.log" 2>&1 &
+builds=$!
+trap 'kill -- "-$builds" 2>/dev/null || true' EXIT
 for file in test/ros/*.test; do
   name=$(basename "$file" .test)
   case $name in
@@ -65,7 +71,13 @@ for file in test/ros/*.test; do
 done
 step "rostest surveys, offline" surveys_beside_offline
 
-step "other builds" tools/test_builds.sh
+end_of_builds() {
+  local passed=true
+  wait "$builds" || passed=false
+  cat "$results/builds.log"
+  $passed
+}
+step "other builds" end_of_builds
 
 python3 tools/count_tests.py "$results" || failed=1
 exit $failed

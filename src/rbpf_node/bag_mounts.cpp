@@ -20,7 +20,7 @@ using geometry_msgs::TransformStamped;
 constexpr double kStill_m = 1e-3;
 constexpr double kStill_rad = 1e-3;
 // of a quaternion's squared norm, as tf2 has it
-constexpr double kNormTolerance = 0.01;
+constexpr double kSquaredNormTolerance = 0.01;
 
 struct Link {
   TransformStamped first;
@@ -41,7 +41,7 @@ bool differ(const TransformStamped& a, const TransformStamped& b) {
 
 bool isRotation(const geometry_msgs::Quaternion& q) {
   // false for NaN
-  return std::abs(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1.0) <= kNormTolerance;
+  return std::abs(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1.0) <= kSquaredNormTolerance;
 }
 
 void addTopic(const rosbag::Bag& bag, const std::string& topic, bool is_static, Links* links) {

@@ -14,7 +14,7 @@ using rbpf_svgp_slam::GetBeams;
 using rbpf_svgp_slam::GetMinibatches;
 
 constexpr std::uint32_t kLargestMinibatch = 1000000;
-constexpr std::uint64_t kLargestReply = 10000000;  // poses at most: 240 MB
+constexpr std::uint64_t kLargestReply = 10000000;  // beams or poses at most: 240 MB
 constexpr const char* kNoBeams = "no beams in the log yet";
 
 // Each of these returns what is wrong; an empty string if nothing is.
@@ -32,6 +32,11 @@ std::string problemWith(const GetMinibatches::Request& request, std::size_t part
   if (request.size == 0 || request.size > kLargestMinibatch) {
     return "minibatch of " + std::to_string(request.size) + " beams, expected 1 to " +
            std::to_string(kLargestMinibatch);
+  }
+  if (request.size * request.particles.size() > kLargestReply) {
+    return "minibatches of " + std::to_string(request.size) + " beams for " +
+           std::to_string(request.particles.size()) + " particles, expected at most " +
+           std::to_string(kLargestReply) + " beams in all";
   }
   return problemWithParticles(request.particles, particles);
 }

@@ -57,12 +57,7 @@ double ParameterReader::number(const std::string& name, double min, double max) 
   double number = 0.0;
   if (!asNumber(value, &number) || number < min || number > max) {
     std::ostringstream expected;
-    expected << "a finite number";
-    if (max < kUnlimited) {
-      expected << " from " << min << " to " << max;
-    } else if (min > -kUnlimited) {
-      expected << " of at least " << min;
-    }
+    expected << "a finite number from " << min << " to " << max;
     fail(name, written(value), expected.str());
   }
   return number;

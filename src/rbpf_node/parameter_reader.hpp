@@ -44,6 +44,4 @@ class ParameterReader {
   std::set<std::string> known_;
 };
 
-constexpr double kUnlimited = std::numeric_limits<double>::max();
-
 }  // namespace rbpf_node

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
 
 #include "rbpf_node/beam_requests.hpp"
 #include "rbpf_node/conversions.hpp"
@@ -9,6 +10,9 @@
 namespace rbpf_node {
 
 namespace {
+
+// At once: some 150 MB with a thousand beams each.
+constexpr std::uint64_t kMostPings = 10000;
 
 void appendPose(const rbpf_core::Pose2& pose, const rbpf_core::Attitude& attitude,
                 std::vector<std::uint8_t>* bytes) {
@@ -76,6 +80,11 @@ bool Services::serveBeams(Request& request, Response& response) {
 
 bool Services::getPings(rbpf_svgp_slam::GetPings::Request& request,
                         rbpf_svgp_slam::GetPings::Response& response) {
+  if (request.count > kMostPings) {
+    response.message = "count is " + std::to_string(request.count) + ", expected at most " +
+                       std::to_string(kMostPings) + " pings";
+    return true;
+  }
   const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
   response.pings_total = snapshot.pings();
   const auto smoothed = smoothing_.result();

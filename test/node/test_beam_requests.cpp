@@ -185,6 +185,10 @@ TEST_F(BeamRequests, MinibatchesAreRefusedWithTheValueAndWhatWasExpected) {
   EXPECT_EQ(minibatchesOf(filter_, {0}, 1000001).message,
             "minibatch of 1000001 beams, expected 1 to 1000000");
   EXPECT_EQ(minibatchesOf(filter_, {0, 4}, 10).message, "particle 4, expected below 4");
+  // one particle again and again: 120 GB
+  EXPECT_EQ(minibatchesOf(filter_, std::vector<std::uint32_t>(10000, 0), 1000000).message,
+            "minibatches of 1000000 beams for 10000 particles, expected at most 10000000 beams in "
+            "all");
 }
 
 }  // namespace

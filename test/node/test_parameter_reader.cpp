@@ -66,7 +66,7 @@ TEST(ParameterReader, ReadsEveryKind) {
 
 TEST(ParameterReader, TakesANumberWrittenWithoutAPoint) {
   ParameterReader reader(tree());
-  EXPECT_EQ(reader.number("lc/beams", 0.0, kUnlimited), 30.0);
+  EXPECT_EQ(reader.number("lc/beams", 0.0, 100.0), 30.0);
 }
 
 TEST(ParameterReader, IncludesBothLimits) {
@@ -104,7 +104,7 @@ TEST(ParameterReader, NamesANumberThatIsNotFinite) {
   const double infinity = std::numeric_limits<double>::infinity();
   for (const double wrong : {std::nan(""), infinity, -infinity}) {
     ParameterReader reader(treeWith("rate", XmlRpcValue(wrong)));
-    const std::string error = errorOf([&] { reader.number("rate", -kUnlimited, kUnlimited); });
+    const std::string error = errorOf([&] { reader.number("rate", -1e9, 1e9); });
     EXPECT_TRUE(contains(error, "parameter rate is ")) << error;
     EXPECT_TRUE(contains(error, std::isnan(wrong) ? "nan" : "inf")) << error;
     EXPECT_TRUE(contains(error, "expected a finite number")) << error;
@@ -117,8 +117,6 @@ TEST(ParameterReader, NamesANumberOutOfRange) {
               "a finite number from 0.5 to 10");
   expectError(errorOf([&] { reader.number("lc/rate_hz", 0.0, 0.1); }), "lc/rate_hz", "0.2",
               "a finite number from 0 to 0.1");
-  expectError(errorOf([&] { reader.number("lc/rate_hz", 1.0, kUnlimited); }), "lc/rate_hz", "0.2",
-              "a finite number of at least 1");
 }
 
 TEST(ParameterReader, NamesAnIntegerThatIsNoneOrOutOfRange) {

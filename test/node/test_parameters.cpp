@@ -1,6 +1,7 @@
 // config/default.yaml is the one source of defaults: it is read, and nothing differs from it.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <sstream>
 #include <string>
 #include <tuple>
@@ -169,7 +170,7 @@ Fields fieldsOf(const Parameters& params) {
   const auto& [nodes, frames, survey_area_m, fix_input, gate, filter, loop_closure,
                loop_closure_rate_hz, loop_closure_timeout_s, resampling_threshold,
                resampling_timeout_s, smoothing, offline_steps_per_second, final_training_s,
-               publish_rate_hz, bathymetry_voxel_m] = params;
+               publish_rate_hz, bathymetry_voxel_m, vehicle_length_m] = params;
   Fields fields = {FIELD(nodes),
                    FIELD(loop_closure_rate_hz),
                    FIELD(loop_closure_timeout_s),
@@ -178,7 +179,8 @@ Fields fieldsOf(const Parameters& params) {
                    FIELD(offline_steps_per_second),
                    FIELD(final_training_s),
                    FIELD(publish_rate_hz),
-                   FIELD(bathymetry_voxel_m)};
+                   FIELD(bathymetry_voxel_m),
+                   FIELD(vehicle_length_m)};
   append("frames", fieldsOf(frames), &fields);
   append("fix_input", fieldsOf(fix_input), &fields);
   append("gate", fieldsOf(gate), &fields);
@@ -260,6 +262,53 @@ TEST(ValidParameters, MustAgreeWithOneAnother) {
   XmlRpcValue tree = defaultTree();
   tree["nodes"] = 41;
   EXPECT_TRUE(contains(refusalOf(tree), "at most one for each of the 40 particles"));
+}
+
+TEST(ValidParameters, RefuseFramesOfOneName) {
+  EXPECT_TRUE(contains(refusalOf(treeWith("frames", "odom", std::string("/map"))),
+                       "frames is map: map, odom: map, base: base_link, expected three frames that "
+                       "differ"));
+}
+
+TEST(ValidParameters, RefuseAPolygonOfTooManyVertices) {
+  XmlRpcValue tree = defaultTree();
+  tree["survey_area"].setSize(10001);
+  for (int i = 0; i < 10001; ++i) {
+    tree["survey_area"][i][0] = std::cos(2e-4 * M_PI * i);
+    tree["survey_area"][i][1] = std::sin(2e-4 * M_PI * i);
+  }
+  EXPECT_TRUE(contains(refusalOf(tree),
+                       "survey_area is a list of 10001 points, expected a polygon "
+                       "[[x, y], ...] in map, m, of 3 to 10000 points"));
+}
+
+// Names of the numbers in the tree, but for the groups of the map nodes.
+void collectNumbers(XmlRpcValue& tree, const std::string& prefix, std::vector<std::string>* names) {
+  for (auto& [key, value] : tree) {
+    const std::string name = prefix + key;
+    if (name == "map" || name == "svgp" || name == "gmrf") continue;
+    if (value.getType() == XmlRpcValue::TypeStruct) collectNumbers(value, name + "/", names);
+    if (value.getType() == XmlRpcValue::TypeInt || value.getType() == XmlRpcValue::TypeDouble) {
+      names->push_back(name);
+    }
+  }
+}
+
+TEST(ValidParameters, HaveALimitEach) {
+  XmlRpcValue defaults = defaultTree();
+  std::vector<std::string> names;
+  collectNumbers(defaults, "", &names);
+  ASSERT_GT(names.size(), 40U);
+  for (const std::string& name : names) {
+    XmlRpcValue tree = defaultTree();
+    XmlRpcValue* value = &tree;
+    std::istringstream parts(name);
+    for (std::string part; std::getline(parts, part, '/');) value = &(*value)[part];
+    *value = 1e30;
+    const std::string error = refusalOf(tree);
+    EXPECT_TRUE(contains(error, "parameter " + name + " is ")) << name << ": " << error;
+    EXPECT_TRUE(contains(error, " to ")) << name << ": " << error;
+  }
 }
 
 // ---- of an offline replay ----------------------------------------------------------------------

@@ -170,10 +170,10 @@ def without(run, **changes):
     return dataclasses.replace(run, **changes)
 
 
-def write_run(run, folder):
+def write_run(run, folder, figures=False):
     """The whole run folder, as the recorder writes it; returns the report."""
     save_run(run, folder)
-    return write_report(run, folder)
+    return write_report(run, folder, figures=figures)
 
 
 def random_tracks(rng, pings=60):

@@ -21,6 +21,9 @@ SMALL = {
     "output": {"final_training_s": 1.0},
 }
 
+# What their summaries show is drawn from the run folders, whether a report has figures or not.
+UNDRAWN = {**SMALL["output"], "figures": False}
+
 # Once, at the end: ten map nodes on two cores take their time to follow.
 AT_THE_END = {"period_s": 1000.0}
 
@@ -50,13 +53,14 @@ def mapping(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def live(tmp_path_factory):
-    return run("exp2", tmp_path_factory, "--scale", "0.003", "--rate", "4", smoothing=AT_THE_END)
+    overlay = {"smoothing": AT_THE_END, "output": UNDRAWN}
+    return run("exp2", tmp_path_factory, "--scale", "0.003", "--rate", "4", **overlay)
 
 
 @pytest.fixture(scope="module")
 def slam(tmp_path_factory):
-    offline = {"steps_per_second": 40.0}
-    return run("exp3", tmp_path_factory, "--scale", "0.04", offline=offline, smoothing=AT_THE_END)
+    overlay = {"smoothing": AT_THE_END, "output": UNDRAWN, "offline": {"steps_per_second": 40.0}}
+    return run("exp3", tmp_path_factory, "--scale", "0.04", **overlay)
 
 
 def test_mapping_leaves_the_vehicle_where_dead_reckoning_has_it(mapping):

@@ -104,6 +104,22 @@ def test_a_picture_of_a_map_may_be_had_in_any_epoch():
         store.serialise(None, [2], SHORT_S)
 
 
+def test_what_would_take_too_much_memory_or_time_is_refused():
+    (store,) = make_stores(30, 1)
+    with pytest.raises(BadRequest, match="100001 points of 1 particles; expected at most 100000"):
+        store.predict(0, [0], np.zeros((1, 100_001, 2), np.float32))
+    with pytest.raises(BadRequest, match="70000 points of 30 particles; .* and 2000000 in all"):
+        store.predict(0, list(range(30)), np.zeros((30, 70_000, 2), np.float32))
+    mean, _, _ = store.predict(0, [0], np.ones((1, 100_000, 2), np.float32))
+    assert mean.shape == (1, 100_000)
+    for ask in (store.serialise, store.hand_over):
+        known = (b"",) if ask == store.hand_over else ()
+        with pytest.raises(
+            BadRequest, match="1000 particles, not all different; expected each once"
+        ):
+            ask(0, [1] * 1000, SHORT_S, *known)
+
+
 def test_a_node_that_never_stops_is_given_up():
     stores = make_stores(2, 2)
     with pytest.raises(BadRequest, match="not stopped training for epoch 1 within 0.05 s"):

@@ -40,8 +40,8 @@ def test_the_shipped_parameters_are_accepted(tree):
 @pytest.mark.parametrize(
     "path, value, message",
     [
-        ("particles", 0, "particles is 0; expected an integer of at least 1"),
-        ("particles", 2.0, "particles is 2.0; expected an integer of at least 1"),
+        ("particles", 0, "particles is 0; expected an integer in 1 .. 100000"),
+        ("particles", 2.0, "particles is 2.0; expected an integer in 1"),
         ("particles", True, "particles is True; expected an integer"),
         ("nodes", 41, "nodes is 41; expected at most 40"),
         ("seed", -1, "seed is -1; expected an integer in 0 .. 2147483647"),
@@ -52,11 +52,18 @@ def test_the_shipped_parameters_are_accepted(tree):
         ("survey_origin", [97.5, 11], r"survey_origin .* within \+-90 and \+-360, or \[\]"),
         ("survey_epsg", "32632", "survey_epsg is '32632'; expected an integer in 0 .. 999999"),
         ("frames/map", "", "frames/map is ''; expected a name"),
-        ("resampling/timeout_s", 0.0, "timeout_s is 0.0; expected a number above 0"),
+        ("resampling/timeout_s", 0.0, "timeout_s is 0.0; expected a number from 0.1 to"),
         ("map/engine", "kriging", "map/engine is 'kriging'; expected one of svgp"),
-        ("map/resolution_m", float("inf"), "map/resolution_m is inf; expected a number above 0"),
+        ("map/resolution_m", float("inf"), "map/resolution_m is inf; expected a number from"),
         ("map/tiles", 3, "map/tiles is unknown; expected one of engine, threads"),
         ("map/resolution_m", "1e-1", "map/resolution_m is '1e-1'; .* in YAML write 1.0e-4"),
+        (
+            "map/resolution_m",
+            0.001,
+            r"map/resolution_m is 0.001, which divides the 40 m x 20 m of "
+            r"rbpf_svgp_slam/survey_area into 8e\+08 cells; expected at most 25,000,000",
+        ),
+        ("survey_area", [[0, 0], [1, 0]] + [[0, 1]] * 9_999, "polygon .* of 3 to 10000 finite"),
         ("svgp", 3, "svgp is 3; expected a group of parameters"),
     ],
 )
@@ -90,7 +97,9 @@ def test_the_origin_is_the_centre_of_the_bounding_box():
 
 
 def test_the_grid_covers_the_polygon_only():
-    x, y = survey_grid(TRIANGLE, 1.0, 10000).T
+    points, spacing_m = survey_grid(TRIANGLE, 1.0, 10000)
+    x, y = points.T
+    assert spacing_m == np.diff(np.unique(x)).min() == 1.0
     assert (x > 0).all() and (y > 0).all() and (x / 40 + y / 20 < 1).all()
     # Cell centres approximate the area to within half a cell along the boundary.
     assert abs(len(x) - 400) <= 0.5 * (40 + 20 + np.hypot(40, 20))
@@ -98,15 +107,16 @@ def test_the_grid_covers_the_polygon_only():
 
 @pytest.mark.parametrize("resolution_m", [0.001, 0.1, 0.5])
 def test_the_grid_is_coarsened_to_the_points_wanted(resolution_m):
-    points = survey_grid(TRIANGLE, resolution_m, 1000)
+    points, spacing_m = survey_grid(TRIANGLE, resolution_m, 1000)
     # One step of coarsening too many would leave about half of them.
     assert 600 <= len(points) <= 1000
+    assert np.diff(np.unique(points[:, 0])).min() == pytest.approx(spacing_m)
 
 
 def test_a_polygon_may_be_concave_and_run_either_way():
     corner = [[0, 0], [4, 0], [4, 2], [2, 2], [2, 4], [0, 4]]
     for area in (corner, corner[::-1]):
-        assert len(survey_grid(area, 1.0, 100)) == 12
+        assert len(survey_grid(area, 1.0, 100)[0]) == 12
 
 
 @pytest.mark.parametrize("particles", [1, 2, 5, 7, 40, 100])

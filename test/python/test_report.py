@@ -32,7 +32,7 @@ CONTRACT = (
 @pytest.fixture(scope="module")
 def folder(run, tmp_path_factory):
     out_dir = tmp_path_factory.mktemp("survey") / "run"
-    return out_dir, write_run(run, out_dir)
+    return out_dir, write_run(run, out_dir, figures=True)
 
 
 def test_report_json_holds_the_contract_and_no_nan(folder):
@@ -101,6 +101,17 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
     assert "svgp/kernel" in text and "matern12" in text
     # No address: base64 has no colon.
     assert "://" not in text and "<script" not in text and "url(" not in text
+
+
+def test_without_figures_everything_else_is_there(run, folder, tmp_path):
+    (tmp_path / "time_lapse.gif").write_bytes(b"an earlier run's")
+    report = write_run(run, tmp_path, figures=False)
+    assert report == folder[1]
+    assert not (tmp_path / "time_lapse.gif").exists()
+    text = (tmp_path / "report.html").read_text()
+    assert "<img" not in text and "evaluate_run.py --rewrite" in text
+    assert "<th" in text and "svgp/kernel" in text
+    assert "evaluate_run.py --rewrite" not in (folder[0] / "report.html").read_text()
 
 
 needs_chromium = pytest.mark.skipif(
@@ -197,7 +208,7 @@ def test_the_last_lines_tell_both_estimates_and_the_closures(folder):
 def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     blind = without(run, ground_truth=None, terrain=None)
     (tmp_path / "ground_truth.tum").write_text("of an earlier run")
-    report = write_run(blind, tmp_path)
+    report = write_run(blind, tmp_path, figures=True)
     for name in "online_ate_rmse_m nees nees_skipped closures_wrong closure_nees".split():
         assert report[name] is None
     assert report["closures_accepted"] == 13
@@ -224,7 +235,7 @@ def test_a_survey_without_beams_is_reported(run, tmp_path, pings):
         status_history={},
         config={},
     )
-    report = write_run(empty, tmp_path)
+    report = write_run(empty, tmp_path, figures=True)
     assert report["beams"] == 0 and report["map_rmse_m"] is None
     assert report["consistency_rmse_m"] is None and report["particles"] is None
     assert any("not recorded" in note for note in report["notes"])

@@ -36,11 +36,12 @@ ROOMS = [
     "importers",
     "experiments",
     "recorder",
+    "display",
     "map_node",
 ]
 #: All other rooms can be used, and tested, where there is no ROS.
-ROOMS_WITH_ROS = {"bags", "checking", "experiments", "importers", "map_node", "parameters"}
-ROOMS_WITH_ROS |= {"protocol", "recorder"}
+ROOMS_WITH_ROS = {"bags", "checking", "display", "experiments", "importers", "map_node"}
+ROOMS_WITH_ROS |= {"parameters", "protocol", "recorder"}
 ROS = "genpy rosbag rosgraph roslaunch roslib rosnode rospkg rospy std_srvs tf2_ros".split()
 #: A room has one of each; python gives them their names.
 EVERY_ROOM_S = {"__init__.py", "__main__.py"}

@@ -224,14 +224,16 @@ def test_the_papers_overlay_is_the_papers():
 @pytest.mark.parametrize(
     "name, value, expected",
     [
-        ("inducing_points", 0, "a whole number from 1"),
+        ("inducing_points", 0, "a whole number from 1 to"),
         ("inducing_points", 10.0, "a value of type int"),
         ("inducing_points", True, "a value of type int"),
         ("kernel", "rbf", "one of matern12, matern32, matern52"),
         ("optimizer", "lbfgs", "one of adam, natgrad, streaming"),
+        ("inducing_points", 5001, "a whole number from 1 to 5000"),
+        ("outputscale_m2", 1e10, "up to 1e+09"),
         ("natgrad_rate", 1.5, "a number above 0, up to 1"),
         ("shared_hyperparameters", True, "false with optimizer adam"),
-        ("natgrad_model_period", 0, "a whole number from 1"),
+        ("natgrad_model_period", 0, "a whole number from 1 to"),
         ("learning_rate", 0.0, "a number above 0"),
         ("learning_rate", "fast", "a value of type float"),
         ("learning_rate", float("nan"), "a finite number"),

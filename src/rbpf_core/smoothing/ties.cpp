@@ -16,7 +16,7 @@ namespace rbpf_core::smoothing {
 namespace {
 
 // Beams without which a pair tells nothing.
-constexpr std::size_t kLeastBeams = 20;
+constexpr std::size_t kLeastPairBeams = 20;
 // The beams of a cell of the map share its error and the relief below its grid: they count as so
 // many independent ones, as a share of a window's effective beams.
 constexpr double kShareOfCell = 0.05;
@@ -26,8 +26,8 @@ constexpr double kRollError_rad = 0.001;
 // The slope that holds a step back.
 constexpr double kDampingSlope = 1e-2;
 // Floors of standard deviations, m and rad.
-constexpr double kLeastStd_m = 0.02;
-constexpr double kLeastStd_rad = 0.001;
+constexpr double kLeastTieStd_m = 0.02;
+constexpr double kLeastTieStd_rad = 0.001;
 
 // A beam on the map. Its gradient is by x, y, yaw about the window's origin.
 struct Hit {
@@ -75,7 +75,7 @@ class Pairs {
     const std::vector<std::vector<Hit>> hits =
         byOlderNode(placed(laid_.track.nodes()[younger].beams_m, at));
     for (std::size_t m = 0; m < older_.size(); ++m) {
-      if (hits[m].size() < kLeastBeams) continue;
+      if (hits[m].size() < kLeastPairBeams) continue;
       ties->push_back(
           {laid_.around_k.first + m, younger, solved(sumsOf(hits[m], at, older_[m]), at, m)});
     }
@@ -193,7 +193,7 @@ class Pairs {
     turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(-older_[m].yaw_rad).toRotationMatrix();
     A = turn * A;
     const Eigen::Matrix3d covariance = A * information.inverse() * A.transpose();
-    const Eigen::Vector3d floor(kLeastStd_m, kLeastStd_m, kLeastStd_rad);
+    const Eigen::Vector3d floor(kLeastTieStd_m, kLeastTieStd_m, kLeastTieStd_rad);
     return {relative(older_[m], to), 0.5 * (covariance + covariance.transpose()) +
                                          floor.cwiseAbs2().asDiagonal().toDenseMatrix()};
   }

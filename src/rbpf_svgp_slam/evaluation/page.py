@@ -19,7 +19,7 @@ _FOLDER = Path(__file__).parent
 _CHARTS = ("depth_chart", "survey_quality")
 
 
-def render(run: SurveyRun, evaluation: Evaluation) -> str:
+def render(run: SurveyRun, evaluation: Evaluation, with_figures: bool = True) -> str:
     """Return the page's text. A figure that the run has no data for is left out."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_FOLDER),
@@ -30,9 +30,10 @@ def render(run: SurveyRun, evaluation: Evaluation) -> str:
     )
     environment.filters["number"] = format_number
     environment.filters["fixed"] = fixed
+    drawn = draw_figures(run, evaluation) if with_figures else ()
     figures = [
         {"png": base64.b64encode(to_png(figure)).decode(), "caption": caption, "name": name}
-        for name, figure, caption in draw_figures(run, evaluation)
+        for name, figure, caption in drawn
     ]
     charts = [figure for figure in figures if figure["name"] in _CHARTS]
     return environment.get_template("report.html.j2").render(

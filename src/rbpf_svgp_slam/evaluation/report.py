@@ -16,11 +16,15 @@ from rbpf_svgp_slam.run.survey_run import SurveyRun
 
 
 def write_report(
-    run: SurveyRun, out_dir: Path, settings: ConsistencySettings = ConsistencySettings()
+    run: SurveyRun,
+    out_dir: Path,
+    settings: ConsistencySettings = ConsistencySettings(),
+    figures: bool = True,
 ) -> dict[str, Any]:
     """Write the report's files into a run folder and return what report.json holds.
 
     These are report.json, report.html and, where the run has them, seabed.npz and time_lapse.gif.
+    Without figures the page has none, and there is no time_lapse.gif.
     """
     evaluation = evaluate(run, settings)
     text = json.dumps(evaluation.report, indent=2, allow_nan=False)
@@ -29,7 +33,8 @@ def write_report(
         save_seabed(run, aside)
     # Their figures take their time, and may fail: the numbers are there already.
     with written_aside(out_dir, (GIF_NAME,)) as aside:
-        html = page.render(run, evaluation)
+        html = page.render(run, evaluation, figures)
         (aside / "report.html").write_text(html, encoding="utf-8")
-        write_time_lapse_gif(run, aside)
+        if figures:
+            write_time_lapse_gif(run, aside)
     return evaluation.report

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, Mapping
 
-from rbpf_svgp_slam.parameters.rules import ParameterError, at_least, checked
+from rbpf_svgp_slam.parameters.rules import ParameterError, between, checked
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class GmrfConfig:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = checked(f"gmrf/{field.name}", getattr(self, field.name), at_least(0.0))
+            value = checked(f"gmrf/{field.name}", getattr(self, field.name), between(0.0, 1e7))
             object.__setattr__(self, field.name, value)
 
     @classmethod

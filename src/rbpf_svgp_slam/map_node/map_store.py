@@ -22,6 +22,10 @@ class SentMap(NamedTuple):
     past: int  # corrections of the histories that it has followed
 
 
+# Of a prediction: positions a map, and in all. What it takes of memory and of the node's time grows
+# with both.
+MOST_POINTS, MOST_POSITIONS = 100_000, 2_000_000
+
 # (epoch, owner -> particles) to particle -> its map.
 Fetch = Callable[[int, "dict[int, list[int]]"], "dict[int, SentMap]"]
 
@@ -227,6 +231,12 @@ class MapStore:
 
         Returns latent mean [P, n], m, and variance [P, n], and the maps' prior variance [P], m².
         """
+        points = positions.shape[1]
+        if points > MOST_POINTS or points * len(particles) > MOST_POSITIONS:
+            raise BadRequest(
+                f"request is for {points} points of {len(particles)} particles; expected at most "
+                f"{MOST_POINTS} points of each and {MOST_POSITIONS} in all"
+            )
         mean, variance = np.empty((2, *positions.shape[:2]), dtype=np.float32)
         prior = np.empty(len(particles), dtype=np.float32)
         with self._lock.request():
@@ -288,6 +298,8 @@ class MapStore:
                     f"particle is {particle}; expected {self.own.start} .. {self.own.stop - 1}, "
                     "this node's own"
                 )
+        if len(set(particles)) < len(particles):
+            raise BadRequest(f"{len(particles)} particles, not all different; expected each once")
 
     # Resampling
 

@@ -18,7 +18,6 @@ from rbpf_svgp_slam.parameters.rules import (
     ParameterError,
     Polygon,
     Rule,
-    at_least,
     between,
     checked,
     choice,
@@ -29,7 +28,6 @@ from rbpf_svgp_slam.parameters.rules import (
     of_type,
     place,
     polygon,
-    positive,
 )
 from rbpf_svgp_slam.protocol.names import PARAMETERS
 
@@ -59,6 +57,7 @@ class OutputParameters:
 
     final_training_s: float
     publish_rate_hz: float
+    figures: bool
     time_lapse_period_s: float
 
 
@@ -89,21 +88,25 @@ class RecorderParameters:
     terrain_file: str  # the true seabed of a simulated survey; empty: not known
 
 
+#: Of map.npz and the report's pictures: what memory and patience bear.
+MOST_CELLS = 25_000_000
+
 RULES = {
-    "particles": integer(1),
-    "nodes": integer(1),
+    "particles": integer(1, 100_000),
+    "nodes": integer(1, 1000),
     "seed": integer(0, 2**31 - 1),
     "survey_area": polygon(),
     "survey_origin": place(),
     "survey_epsg": epsg_code(),
     "frames/map": name(),
-    "resampling/timeout_s": positive(),
-    "map/threads": integer(1),
-    "map/resolution_m": positive(),
-    "map/publish_period_s": at_least(0.0),
-    "output/final_training_s": at_least(0.0),
+    "resampling/timeout_s": between(0.1, 1e9),
+    "map/threads": integer(1, 256),
+    "map/resolution_m": between(0.001, 1e7),
+    "map/publish_period_s": between(0.0, 1e9),
+    "output/final_training_s": between(0.0, 1e9),
     "output/publish_rate_hz": between(0.01, 100.0),
-    "output/time_lapse_period_s": at_least(0.0),
+    "output/figures": of_type(bool),
+    "output/time_lapse_period_s": between(0.0, 1e9),
 }
 RECORDER_RULES = {
     "out": name("the path of the run folder"),
@@ -126,6 +129,7 @@ def validate(tree: dict[str, Any]) -> NodeParameters:
             f"{PARAMETERS}/nodes is {nodes}; expected at most {particles}, {PARAMETERS}/particles"
         )
     map_parameters = _group(tree, "map", MapParameters)
+    _expect_few_cells(_value(tree, "survey_area"), map_parameters.resolution_m)
     return NodeParameters(
         particles=particles,
         nodes=nodes,
@@ -165,6 +169,18 @@ def _refuse_unknown(tree: dict[str, Any]) -> None:
     ours = {key: value for key, value in tree.items() if key in known or key != engine}
     for complaint in complaints(ours, known):
         raise ParameterError(f"{PARAMETERS}/{complaint}")
+
+
+def _expect_few_cells(area: Polygon, resolution_m: float) -> None:
+    """Of the grid over the polygon's bounding box."""
+    width_m, height_m = (max(axis) - min(axis) for axis in zip(*area))
+    cells = width_m / resolution_m * (height_m / resolution_m)
+    if cells > MOST_CELLS:
+        raise ParameterError(
+            f"{PARAMETERS}/map/resolution_m is {resolution_m:g}, which divides the "
+            f"{width_m:g} m x {height_m:g} m of {PARAMETERS}/survey_area into {cells:.3g} cells; "
+            f"expected at most {MOST_CELLS:,}"
+        )
 
 
 def _group(tree: dict[str, Any], path: str, kind: type[Group]) -> Group:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Callable
+from typing import Any, Callable, Tuple
 
 #: Vertices (x, y), frame map, m.
-Polygon = tuple[tuple[float, float], ...]
+Polygon = Tuple[Tuple[float, float], ...]
 #: Stands for the value of a parameter that is not set.
 MISSING = object()
+#: Of a polygon.
+MOST_VERTICES = 10_000
 
 
 class ParameterError(ValueError):
@@ -41,20 +43,12 @@ def checked(name: str, value: Any, rule: Rule) -> Any:
     return rule.convert(value)
 
 
-def integer(least: int, most: float = math.inf) -> Rule:
+def integer(least: int, most: int) -> Rule:
     """An integer in [least, most]."""
     return Rule(
-        f"an integer of at least {least}"
-        if most == math.inf
-        else f"an integer in {least} .. {most}",
+        f"an integer in {least} .. {most}",
         lambda value: _is_integer(value) and least <= value <= most,
     )
-
-
-def at_least(least: float) -> Rule:
-    """A finite number in [least, inf)."""
-    expected = f"a number of at least {least:g}"
-    return Rule(expected, lambda value: _is_number(value) and value >= least, float)
 
 
 def between(least: float, most: float) -> Rule:
@@ -97,7 +91,8 @@ def name(expected: str = "a name") -> Rule:
 def polygon() -> Rule:
     """Vertices [[x, y], ...] that enclose an area; becomes a tuple of pairs."""
     return Rule(
-        "a polygon [[x, y], ...] of at least 3 finite vertices in map, m, that encloses an area",
+        f"a polygon [[x, y], ...] of 3 to {MOST_VERTICES} finite vertices in map, m, that encloses "
+        "an area",
         _is_polygon,
         lambda value: tuple((float(x), float(y)) for x, y in value),
     )
@@ -126,7 +121,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_polygon(value: Any) -> bool:
-    if not isinstance(value, list) or len(value) < 3:
+    if not isinstance(value, list) or not 3 <= len(value) <= MOST_VERTICES:
         return False
     for vertex in value:
         if not isinstance(vertex, list) or len(vertex) != 2 or not all(map(_is_number, vertex)):

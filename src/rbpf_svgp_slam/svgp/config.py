@@ -22,23 +22,35 @@ from rbpf_svgp_slam.svgp.parameters import FLOORS
 
 #: The σ, m, whose square is the floor of σ².
 SMALLEST_NOISE_STD_M = math.sqrt(FLOORS[2])
+#: Beyond it a number is a slip.
+_MOST = 1e9
 
 
 def _above(low: float, or_zero: bool = False) -> Rule:
-    expected = f"{'0 or ' if or_zero else ''}a number above {low:g}"
+    expected = f"{'0 or ' if or_zero else ''}a number above {low:g}, up to {_MOST:g}"
     return Rule(
-        expected, lambda value: value > low or (or_zero and value == 0.0), float, first=finite()
+        expected,
+        lambda value: low < value <= _MOST or (or_zero and value == 0.0),
+        float,
+        first=finite(),
     )
 
 
-_COUNT = Rule("a whole number from 1", lambda value: value >= 1, first=of_type(int))
+def _count(most: int) -> Rule:
+    expected = f"a whole number from 1 to {most}"
+    return Rule(expected, lambda value: 1 <= value <= most, first=of_type(int))
+
+
+_COUNT = _count(10**9)
 _SHARE = Rule("a number between 0 and 1", lambda value: 0.0 < value < 1.0, float, first=finite())
 _RATE = Rule("a number above 0, up to 1", lambda value: 0.0 < value <= 1.0, float, first=finite())
 
 #: The rule of each setting that has one beside its type.
 RULES: dict[str, Rule] = {
-    "inducing_points": _COUNT,
-    "minibatch_size": _COUNT,
+    # a map holds S x S numbers, a prediction n x S
+    "inducing_points": _count(5000),
+    # what the core hands out at once
+    "minibatch_size": _count(1_000_000),
     "kernel": choice(*KERNELS),
     "optimizer": choice("adam", "natgrad", "streaming"),
     "learning_rate": _above(0.0),
