@@ -22,7 +22,7 @@ Xvfb "$DISPLAY" -screen 0 1500x900x24 >/dev/null 2>&1 &
 xvfb=$!
 setsid tools/demo.sh --rviz --engine "$engine" --rate "$rate" "$dir/demo" &
 demo=$!
-trap 'kill -TERM -- -$demo 2>/dev/null; kill $xvfb' EXIT
+trap 'kill -TERM -- -$demo 2>/dev/null || true; kill $xvfb' EXIT
 
 next=$dir/next.png
 k=0
