@@ -10,6 +10,7 @@ setup(
             "rbpf_svgp_slam.bags",
             "rbpf_svgp_slam.charts",
             "rbpf_svgp_slam.checking",
+            "rbpf_svgp_slam.display",
             "rbpf_svgp_slam.evaluation",
             "rbpf_svgp_slam.experiments",
             "rbpf_svgp_slam.exports",

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Simulates a 20-minute survey, replays it through the live nodes and writes the run folder.
-#   tools/demo.sh [--rviz] [--seed N] [--engine svgp|gmrf] [DIR]      DIR: out/demo by default
+#   tools/demo.sh [--rviz] [--seed N] [--engine svgp|gmrf] [--rate R] [DIR]
+# R: times real time, 12; fewer on a machine that has other work. DIR: out/demo by default.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tools/setup.sh
@@ -29,8 +30,12 @@ while [ $# -gt 0 ]; do
       esac
       shift
       ;;
+    --rate)
+      rate=${2:?"--rate: expected a number"}
+      shift
+      ;;
     -*)
-      echo "demo.sh: unknown option $1, expected --rviz, --seed N, --engine or a folder" >&2
+      echo "demo.sh: unknown option $1, expected --rviz, --seed N, --engine, --rate R or a folder" >&2
       exit 2
       ;;
     *) out=$1 ;;

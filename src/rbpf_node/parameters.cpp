@@ -226,6 +226,7 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree) {
   params.offline_steps_per_second = reader.number("offline/steps_per_second", 0.0, kMost);
   params.publish_rate_hz = reader.number("output/publish_rate_hz", 0.01, 100.0);
   params.bathymetry_voxel_m = reader.number("output/bathymetry_voxel_m", 0.01, kFarthest_m);
+  params.vehicle_length_m = reader.number("output/vehicle_length_m", 0.1, kFarthest_m);
   params.final_training_s = reader.number("output/final_training_s", 0.0, kLongest_s);
   // for the recorder alone
   reader.boolean("output/figures");

@@ -37,6 +37,7 @@ struct Parameters {
   double final_training_s = 10.0;
   double publish_rate_hz = 1.0;
   double bathymetry_voxel_m = 1.0;
+  double vehicle_length_m = 5.0;
 };
 
 // Topics of a bag, as they are called in it.

@@ -110,10 +110,15 @@ void Publishers::publishVehicle(const std_msgs::Header& header) {
   visualization_msgs::Marker marker;
   marker.header = header;
   marker.ns = "vehicle";
-  marker.type = visualization_msgs::Marker::ARROW;  // along x, as the vehicle
+  marker.type = visualization_msgs::Marker::ARROW;
   marker.pose = toPose(estimate.mean, estimate.attitude);
-  marker.scale.x = 12.0;  // m: larger than the vehicle, to be seen over a whole survey
-  marker.scale.y = marker.scale.z = 3.0;
+  const double length_m = params_.vehicle_length_m;
+  marker.points.resize(2);  // tail and head
+  marker.points[0].x = -0.5 * length_m;
+  marker.points[1].x = 0.5 * length_m;
+  marker.scale.x = 0.15 * length_m;  // diameter of the shaft
+  marker.scale.y = 0.3 * length_m;   // diameter of the head
+  marker.scale.z = 0.3 * length_m;   // length of the head
   marker.color.r = marker.color.a = 1.0F;
   marker.color.g = 0.75F;
   vehicle_.publish(marker);
@@ -144,6 +149,7 @@ void Publishers::publishGraph(const std_msgs::Header& header,
   visualization_msgs::Marker closures = track;
   closures.ns = "closures";
   closures.type = visualization_msgs::Marker::LINE_LIST;
+  closures.scale.x = 0.15;  // there are hundreds of them
   closures.color.a = 1.0F;
   closures.points.clear();
   for (const auto& closure : smoothed.closures) {

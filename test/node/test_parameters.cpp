@@ -170,7 +170,7 @@ Fields fieldsOf(const Parameters& params) {
   const auto& [nodes, frames, survey_area_m, fix_input, gate, filter, loop_closure,
                loop_closure_rate_hz, loop_closure_timeout_s, resampling_threshold,
                resampling_timeout_s, smoothing, offline_steps_per_second, final_training_s,
-               publish_rate_hz, bathymetry_voxel_m] = params;
+               publish_rate_hz, bathymetry_voxel_m, vehicle_length_m] = params;
   Fields fields = {FIELD(nodes),
                    FIELD(loop_closure_rate_hz),
                    FIELD(loop_closure_timeout_s),
@@ -179,7 +179,8 @@ Fields fieldsOf(const Parameters& params) {
                    FIELD(offline_steps_per_second),
                    FIELD(final_training_s),
                    FIELD(publish_rate_hz),
-                   FIELD(bathymetry_voxel_m)};
+                   FIELD(bathymetry_voxel_m),
+                   FIELD(vehicle_length_m)};
   append("frames", fieldsOf(frames), &fields);
   append("fix_input", fieldsOf(fix_input), &fields);
   append("gate", fieldsOf(gate), &fields);

@@ -7,21 +7,21 @@ from rbpf_svgp_slam.map_node.depth_rank import UNKNOWN, depth_ranks, occupancy_g
 from rbpf_svgp_slam.survey_area.grid import survey_grid
 
 
-def test_ranks_go_from_the_shallowest_to_the_deepest_of_what_is_known():
+def test_ranks_go_from_the_shallowest_to_the_deepest_of_what_is_surveyed():
     z = np.array([-30.0, -10.0, -20.0, -5.0, -100.0])
-    variance = np.array([0.1, 0.1, 0.1, 3.9, 2.0])  # of 4 where nothing is known
-    np.testing.assert_array_equal(depth_ranks(z, variance, 4.0), [67, 0, 33, UNKNOWN, 100])
+    surveyed = np.array([True, True, True, False, True])
+    np.testing.assert_array_equal(depth_ranks(z, surveyed), [67, 0, 33, UNKNOWN, 100])
 
 
-def test_without_anything_known_there_is_no_rank():
+def test_where_nothing_is_surveyed_there_is_no_rank():
     z = np.full(3, -20.0)
-    np.testing.assert_array_equal(depth_ranks(z, np.full(3, 4.0), 4.0), [UNKNOWN] * 3)
-    np.testing.assert_array_equal(depth_ranks(z, np.array([4.0, 0.1, 4.0]), 4.0), [-1, 0, -1])
+    np.testing.assert_array_equal(depth_ranks(z, np.zeros(3, bool)), [UNKNOWN] * 3)
+    np.testing.assert_array_equal(depth_ranks(z, np.array([False, True, False])), [-1, 0, -1])
 
 
 def test_cells_lie_where_their_points_do():
     triangle = [[100.0, 0.0], [140.0, 0.0], [100.0, 30.0]]
-    points = survey_grid(triangle, 2.0, 10000)
+    points, _ = survey_grid(triangle, 2.0, 10000)
     ranks = np.arange(len(points)) % 101
     grid = occupancy_grid(Header(frame_id="map"), points, ranks, 2.0)
     assert grid.header.frame_id == "map"

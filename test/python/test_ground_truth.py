@@ -75,7 +75,7 @@ def test_the_track_is_in_the_order_of_stamps():
     for stamp_s in (12.0, 10.0, 11.0):
         truth.add(odometry(stamp_s=stamp_s), Odometry._type)
     assert truth.track()[:, 0].tolist() == [10.0, 11.0, 12.0]
-    assert len(truth.positions(2)) == 2
+    assert len(truth.thinned(2)) == 2
 
 
 def test_a_gap_is_not_bridged():

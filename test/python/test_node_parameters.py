@@ -97,7 +97,9 @@ def test_the_origin_is_the_centre_of_the_bounding_box():
 
 
 def test_the_grid_covers_the_polygon_only():
-    x, y = survey_grid(TRIANGLE, 1.0, 10000).T
+    points, spacing_m = survey_grid(TRIANGLE, 1.0, 10000)
+    x, y = points.T
+    assert spacing_m == np.diff(np.unique(x)).min() == 1.0
     assert (x > 0).all() and (y > 0).all() and (x / 40 + y / 20 < 1).all()
     # Cell centres approximate the area to within half a cell along the boundary.
     assert abs(len(x) - 400) <= 0.5 * (40 + 20 + np.hypot(40, 20))
@@ -105,15 +107,16 @@ def test_the_grid_covers_the_polygon_only():
 
 @pytest.mark.parametrize("resolution_m", [0.001, 0.1, 0.5])
 def test_the_grid_is_coarsened_to_the_points_wanted(resolution_m):
-    points = survey_grid(TRIANGLE, resolution_m, 1000)
+    points, spacing_m = survey_grid(TRIANGLE, resolution_m, 1000)
     # One step of coarsening too many would leave about half of them.
     assert 600 <= len(points) <= 1000
+    assert np.diff(np.unique(points[:, 0])).min() == pytest.approx(spacing_m)
 
 
 def test_a_polygon_may_be_concave_and_run_either_way():
     corner = [[0, 0], [4, 0], [4, 2], [2, 2], [2, 4], [0, 4]]
     for area in (corner, corner[::-1]):
-        assert len(survey_grid(area, 1.0, 100)) == 12
+        assert len(survey_grid(area, 1.0, 100)[0]) == 12
 
 
 @pytest.mark.parametrize("particles", [1, 2, 5, 7, 40, 100])

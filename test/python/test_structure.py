@@ -36,12 +36,13 @@ ROOMS = [
     "importers",
     "experiments",
     "recorder",
+    "display",
     "map_node",
     "keeper",
 ]
 #: All other rooms can be used, and tested, where there is no ROS.
-ROOMS_WITH_ROS = {"bags", "checking", "experiments", "importers", "keeper", "map_node"}
-ROOMS_WITH_ROS |= {"parameters", "protocol", "recorder"}
+ROOMS_WITH_ROS = {"bags", "checking", "display", "experiments", "importers", "keeper"}
+ROOMS_WITH_ROS |= {"map_node", "parameters", "protocol", "recorder"}
 ROS = "genpy rosbag rosgraph roslaunch roslib rosnode rospkg rospy std_srvs tf2_ros".split()
 #: A room has one of each; python gives them their names.
 EVERY_ROOM_S = {"__init__.py", "__main__.py"}

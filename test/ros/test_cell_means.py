@@ -12,6 +12,7 @@ from cell_means import CellMeans
 from node_services import PATIENCE_S, at_once, service, wait_until
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
 from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
@@ -211,13 +212,20 @@ class CellMeansTest(unittest.TestCase):
     def a_map_is_published(self):
         status = rospy.Publisher(names.FILTER_STATUS, FilterStatus, queue_size=1, latch=True)
         status.publish(FilterStatus(best_particle=4))
+        beams = rospy.Publisher(names.BATHYMETRY, PointCloud2, queue_size=1, latch=True)
+        beams.publish(
+            point_cloud2.create_cloud_xyz32(Header(frame_id="map"), [(109.0, 0.5, -20.0)])
+        )
         clouds = [
             rospy.wait_for_message(name, PointCloud2, PATIENCE_S)
-            for name in (names.MAP_SUPPORT_POINTS, names.MAP_MEAN)
+            for name in (names.MAP_SUPPORT_POINTS, names.MAP_VARIANCE, names.MAP_MEAN)
         ]
-        sizes = [len(list(point_cloud2.read_points(cloud))) for cloud in clouds]
+        cells, grid, seen = [list(point_cloud2.read_points(cloud)) for cloud in clouds]
         # The cells of 2 m with beams, 10 to 20 each, and the grid that the map is published on.
-        self.assertEqual(sizes, [14 * 15, 20 * 15])
+        self.assertEqual([len(cells), len(grid)], [14 * 15, 20 * 15])
+        # Of that only the cell with a beam, and those beside it.
+        near = [(107, 1), (107, 3), (109, 1), (109, 3), (111, 1), (111, 3)]
+        self.assertEqual(sorted((x, y) for x, y, *_ in seen), near)
 
 
 if __name__ == "__main__":

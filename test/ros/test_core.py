@@ -2,6 +2,7 @@
 """The real core on a short survey: what it lends to the maps, over the wire."""
 
 import subprocess
+import threading
 import time
 import unittest
 
@@ -10,16 +11,20 @@ import roslib.packages
 import rospy
 import rostest
 import tf2_ros
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from nav_msgs.msg import Odometry
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
+from nav_msgs.msg import Odometry, Path
 from sensor_msgs import point_cloud2
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam import srv
+from rbpf_svgp_slam.display.status_display import StatusDisplay
+from rbpf_svgp_slam.display.status_rows import status_rows
+from rbpf_svgp_slam.display.text_image import text_image
 from rbpf_svgp_slam.maps.log_block import POSE, LogBlock
 from rbpf_svgp_slam.msg import FilterStatus
+from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.payload import unpack, unpack_records
 
 PARTICLES = 3
@@ -67,6 +72,17 @@ def ping(stamp_s, frame="mbes"):
     header = Header(stamp=rospy.Time(stamp_s), frame_id=frame)
     beams = [(0.0, float(i), -depth_m) for i, depth_m in enumerate(depths_m)]
     return point_cloud2.create_cloud_xyz32(header, beams)
+
+
+def truth_beside(offset_m):
+    """A path that runs beside dead reckoning, so far to its left."""
+    path = Path(header=Header(frame_id="map"))
+    for stamp_s in range(1, DURATION_S + 1):
+        pose = PoseStamped(header=Header(stamp=rospy.Time(stamp_s), frame_id="map"))
+        at = pose.pose.position
+        at.x, at.y, at.z = 2.0 * (stamp_s - 1), offset_m, -10.0
+        path.poses.append(pose)
+    return path
 
 
 class CoreTest(unittest.TestCase):
@@ -202,6 +218,21 @@ class CoreTest(unittest.TestCase):
             self.assertIn(expected[reason], example)
         self.assertEqual((status.pings_rejected, status.pings_dropped), (2, 0))
         self.assertEqual((status.pings, status.pings_waiting), (DURATION_S, DURATION_S))
+
+    def test_the_display_tells_the_time_and_the_errors_of_both_tracks(self):
+        truth = rospy.Publisher(names.TRUTH_PATH, Path, queue_size=1, latch=True)
+        truth.publish(truth_beside(offset_m=1.0))
+        estimate = np.frombuffer(self.get_pings(0, DURATION_S).estimate, "<f8").reshape(-1, 6)
+        expected = [[at.x, at.y, at.z] for at in (p.pose.position for p in truth_beside(1.0).poses)]
+        ate_m = np.sqrt(np.mean(np.sum((estimate[:, :3] - expected) ** 2, axis=1)))
+        threading.Thread(target=StatusDisplay().spin, daemon=True).start()
+        deadline_s = time.monotonic() + PATIENCE_S
+        shown = wanted = None
+        while wanted is None or (shown != wanted and time.monotonic() < deadline_s):
+            status = rospy.wait_for_message(names.FILTER_STATUS, FilterStatus, PATIENCE_S)
+            wanted = text_image(status_rows(status, DURATION_S - 1.0, ate_m, 1.0)).tobytes()
+            shown = rospy.wait_for_message(names.STATUS_IMAGE, Image, PATIENCE_S).data
+        self.assertTrue(shown == wanted, "another picture than that of the errors")
 
     def test_what_cannot_be_done_when_asked_says_why(self):
         prompt = service("prompt", Trigger)()

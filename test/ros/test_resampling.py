@@ -14,9 +14,11 @@ from node_services import PATIENCE_S, at_once, service, wait_until
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
 from rbpf_svgp_slam import srv
 from rbpf_svgp_slam.msg import FilterStatus, MapStatus
+from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.payload import pack, split, unpack
 
 PARTICLES, NODES = 5, 2
@@ -294,13 +296,17 @@ class ResamplingTest(unittest.TestCase):
     def test_the_best_particles_map_is_published(self):
         status = rospy.Publisher("rbpf_core/status", FilterStatus, queue_size=1, latch=True)
         status.publish(FilterStatus(survey=self.core.survey, best_particle=4))
+        # a beam in each cell of 2 m
+        everywhere = [(x, y, -20.0) for x in range(101, 141, 2) for y in range(1, 31, 2)]
+        beams = rospy.Publisher(names.BATHYMETRY, PointCloud2, queue_size=1, latch=True)
+        beams.publish(point_cloud2.create_cloud_xyz32(Header(frame_id="map"), everywhere))
         clouds = {
             name: rospy.wait_for_message(f"map/{name}", PointCloud2, PATIENCE_S)
             for name in ("mean", "variance", "inducing_points")
         }
         ranks = rospy.wait_for_message("map/depth_rank", OccupancyGrid, PATIENCE_S)
         self.assertEqual((ranks.info.width, ranks.info.height, ranks.info.resolution), (20, 15, 2))
-        self.assertTrue(set(ranks.data).issubset(range(-1, 101)))
+        self.assertEqual((min(ranks.data), max(ranks.data)), (0, 100))
         points = {
             name: np.array(list(point_cloud2.read_points(cloud))) for name, cloud in clouds.items()
         }
@@ -314,6 +320,7 @@ class ResamplingTest(unittest.TestCase):
         low, high = points["mean"].min(axis=0), points["mean"].max(axis=0)
         np.testing.assert_allclose([low[:2], high[:2]], [[101, 1], [139, 29]], rtol=1e-6)
         status.unregister()
+        beams.unregister()
 
     # The process
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Dict
 
 import numpy as np
 
 #: Numbers by column, all of one length.
-Table = dict[str, np.ndarray]
+Table = Dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ def frames_of_bag(odometry: Topic, frames: dict[str, str]) -> dict[str, str]:
 
 def _plain(frame: object) -> str:
     """As tf2 knows it: names of old began with a slash."""
-    return str(frame).removeprefix("/")
+    return str(frame).lstrip("/")
 
 
 def odometry_frame_findings(

@@ -9,19 +9,16 @@ from std_msgs.msg import Header
 from rbpf_svgp_slam.figures.cloud_colours import even_axis
 
 UNKNOWN = -1
-# As lc/mapped_variance has it by default: seabed is known where the map's variance is below this
-# share of what it is far from all beams.
-KNOWN_SHARE = 0.7
 
 
-def depth_ranks(mean: np.ndarray, variance: np.ndarray, prior_variance: float) -> np.ndarray:
-    """Ranks [n], int8, of a map's mean [n] and variance [n], m and m²; UNKNOWN where it is.
+def depth_ranks(mean: np.ndarray, surveyed: np.ndarray) -> np.ndarray:
+    """Ranks [n], int8, of a map's mean [n], m; UNKNOWN where not surveyed [n].
 
-    0 is the shallowest of what is known, 100 the deepest, 50 the median: every depth's share of the
-    seabed has its share of the scale, so that relief is seen whatever its range.
+    0 is the shallowest of what is surveyed, 100 the deepest, 50 the median: every depth's share of
+    the seabed has its share of the scale, so that relief is seen whatever its range.
     """
     ranks = np.full(len(mean), UNKNOWN, dtype=np.int8)
-    known = np.flatnonzero(variance < KNOWN_SHARE * prior_variance)
+    known = np.flatnonzero(surveyed)
     shallow_first = known[np.argsort(-mean[known], kind="stable")]
     ranks[shallow_first] = np.rint(np.linspace(0.0, 100.0, len(known)))
     return ranks

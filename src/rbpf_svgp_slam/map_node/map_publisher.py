@@ -14,6 +14,7 @@ from std_msgs.msg import Header
 from rbpf_svgp_slam.figures.cloud_colours import points_rgb
 from rbpf_svgp_slam.map_node.depth_rank import depth_ranks, occupancy_grid
 from rbpf_svgp_slam.map_node.map_store import MapStore
+from rbpf_svgp_slam.map_node.surveyed_seabed import SurveyedSeabed
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.parameters.loading import NodeParameters
 from rbpf_svgp_slam.protocol import names
@@ -30,8 +31,9 @@ CHUNK_POINTS = 1000
 class MapPublisher:
     """Topics of the best particle's map, from its node.
 
-    These are map/mean, in the report's colours, map/variance, map/depth_rank, and the map's support
-    points.
+    map/mean, in the report's colours, and map/depth_rank are of the seabed surveyed so far: a map
+    predicts depths beyond it too, which nobody has seen. map/variance is that of the whole survey
+    area. To them come the map's support points.
 
     Works on the training thread, a moment between every two steps.
     """
@@ -41,12 +43,14 @@ class MapPublisher:
         self._frame = parameters.frames.map
         self._period_s = parameters.map.publish_period_s
         self._origin = survey_origin(parameters.survey_area)
-        self._points = survey_grid(parameters.survey_area, parameters.map.resolution_m, MAX_POINTS)
+        self._points, self._spacing_m = survey_grid(
+            parameters.survey_area, parameters.map.resolution_m, MAX_POINTS
+        )
+        self._seabed = SurveyedSeabed(self._points, self._spacing_m)
         self._mean, self._variance, self._support = (
             rospy.Publisher(name, PointCloud2, queue_size=1)
             for name in (names.MAP_MEAN, names.MAP_VARIANCE, names.MAP_SUPPORT_POINTS)
         )
-        self._resolution_m = parameters.map.resolution_m
         # Latched, as maps are that others plan on.
         self._rank = rospy.Publisher(names.MAP_DEPTH_RANK, OccupancyGrid, queue_size=1, latch=True)
         self._best_particle: int | None = None
@@ -72,16 +76,23 @@ class MapPublisher:
         self._best_particle = status.best_particle
 
     def _due(self) -> bool:
+        ours = self._period_s > 0 and self._best_particle in self._store.own
+        masked = ours and self._connections(self._mean, self._rank) > 0
+        self._seabed.listen(masked)
         return (
-            self._period_s > 0
+            ours
             and time.monotonic() >= self._next_s
-            and self._best_particle in self._store.own
-            and (self._support.get_num_connections() > 0 or self._grid_is_wanted())
+            and (self._connections(self._support) > 0 or self._grid_is_wanted())
+            and (self._seabed.known or not masked)
         )
 
     def _grid_is_wanted(self) -> bool:
-        topics = (self._mean, self._variance, self._rank)
-        return any(topic.get_num_connections() for topic in topics)
+        wanted = self._connections(self._mean, self._variance, self._rank) > 0
+        return wanted and len(self._points) > 0
+
+    @staticmethod
+    def _connections(*topics: rospy.Publisher) -> int:
+        return sum(topic.get_num_connections() for topic in topics)
 
     def _publish(self, particle: int) -> Iterator[None]:
         """Predict a copy of the map over the grid, yielding after each chunk, and publish it."""
@@ -100,9 +111,16 @@ class MapPublisher:
                     mean[chunk], variance[chunk] = snapshot.predict(xy)
                 yield
             points = np.column_stack([self._points, mean])
-            xyz = dict(zip("xyz", points.T))
             std = np.sqrt(np.maximum(variance, 0.0))
-            self._mean.publish(point_cloud(header, {**xyz, "rgb": packed_rgb(points_rgb(points))}))
-            self._variance.publish(point_cloud(header, {**xyz, "std": std}))
-            ranks = depth_ranks(mean, variance, snapshot.prior_variance_m2)
-            self._rank.publish(occupancy_grid(header, self._points, ranks, self._resolution_m))
+            self._variance.publish(point_cloud(header, {**_columns(points), "std": std}))
+            surveyed = self._seabed.surveyed()
+            seen = points[surveyed]
+            rgb = packed_rgb(points_rgb(seen))
+            self._mean.publish(point_cloud(header, {**_columns(seen), "rgb": rgb}))
+            ranks = depth_ranks(mean, surveyed)
+            self._rank.publish(occupancy_grid(header, self._points, ranks, self._spacing_m))
+
+
+def _columns(points: np.ndarray) -> dict[str, np.ndarray]:
+    """Of points [n, 3]."""
+    return dict(zip("xyz", points.T))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Callable
+from typing import Any, Callable, Tuple
 
 #: Vertices (x, y), frame map, m.
-Polygon = tuple[tuple[float, float], ...]
+Polygon = Tuple[Tuple[float, float], ...]
 #: Stands for the value of a parameter that is not set.
 MISSING = object()
 #: Of a polygon.

@@ -13,6 +13,19 @@ def packed_rgb(rgb: np.ndarray) -> np.ndarray:
     return (red << 16 | green << 8 | blue).view("<f4")
 
 
+def cloud_xy(cloud: PointCloud2) -> np.ndarray:
+    """x and y [n, 2] of a cloud with float32 fields x and y, little-endian."""
+    offset_of = {field.name: field.offset for field in cloud.fields}
+    layout = {
+        "names": ["x", "y"],
+        "formats": ["<f4", "<f4"],
+        "offsets": [offset_of["x"], offset_of["y"]],
+        "itemsize": cloud.point_step,
+    }
+    points = np.frombuffer(cloud.data, dtype=np.dtype(layout))
+    return np.column_stack([points["x"], points["y"]])
+
+
 def point_cloud(header: Header, columns: dict[str, np.ndarray]) -> PointCloud2:
     """An unorganised cloud of float32 fields, in the order of the columns, each [n]."""
     names = list(columns)

@@ -6,6 +6,10 @@ from __future__ import annotations
 PARAMETERS = "rbpf_svgp_slam"
 CORE = "rbpf_core"
 FILTER_STATUS = f"{CORE}/status"
+PATH = f"{CORE}/path"
+DEAD_RECKONING_PATH = f"{CORE}/dead_reckoning_path"
+#: All pings so far, thinned, placed by the estimate.
+BATHYMETRY = f"{CORE}/bathymetry"
 GET_MINIBATCHES = f"{CORE}/get_minibatches"
 GET_BEAMS = f"{CORE}/get_beams"
 GET_PINGS = f"{CORE}/get_pings"
@@ -20,6 +24,10 @@ MAP_DEPTH_RANK = "map/depth_rank"
 MAP_SUPPORT_POINTS = "map/inducing_points"
 #: The seabed of the final trajectory, published by the recorder.
 MAP_SEABED = "map/seabed"
+#: The ground truth as far as it has come in, published by the recorder.
+TRUTH_PATH = "ground_truth_path"
+#: How the survey goes, for RViz.
+STATUS_IMAGE = "status_image"
 #: File of a run folder in which the core keeps what has changed the survey.
 JOURNAL = "survey.journal"
 #: Plays a bag for replay.launch. Its parameters: rosbag play's exit status, PLAYING before it has

@@ -64,9 +64,9 @@ class GroundTruth:
             return None
         return interpolate_poses(track[:, 0], track[:, 1:], stamp_s, GAP_S)
 
-    def positions(self, most: int) -> list[tuple[float, float, float]]:
-        """x y z of at most about so many poses, in the order in which they came."""
-        return [row[1:4] for row in self._rows[:: 1 + len(self._rows) // most]]
+    def thinned(self, most: int) -> list[tuple[float, float, float, float]]:
+        """Stamp x y z of at most about so many poses, in the order in which they came."""
+        return [row[:4] for row in self._rows[:: 1 + len(self._rows) // most]]
 
     def _problem(self, message: Any, type_name: str) -> str:
         if type_name not in POSE_OF:

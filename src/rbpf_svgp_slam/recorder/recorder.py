@@ -82,7 +82,7 @@ class Recorder:
         # Statuses by sender.
         self._heard = {names.CORE: 0, **{names.map_node(k): 0 for k in nodes}}
         self._map_frame = parameters.frames.map
-        self._path = rospy.Publisher("ground_truth_path", PathMessage, queue_size=1, latch=True)
+        self._path = rospy.Publisher(names.TRUTH_PATH, PathMessage, queue_size=1, latch=True)
         self._next_path_s = 0.0
         self._seabed = SeabedPublisher(self._map_frame)
         self._saving = False
@@ -248,14 +248,14 @@ class Recorder:
         if time.monotonic() < self._next_path_s:
             return
         self._next_path_s = time.monotonic() + PATH_PERIOD_S
-        positions = self._recording.ground_truth.positions(PATH_POSES)
-        if not positions:
+        rows = self._recording.ground_truth.thinned(PATH_POSES)
+        if not rows:
             return
         path = PathMessage()
         path.header.frame_id = self._map_frame
-        for x, y, z in positions:
+        for stamp_s, x, y, z in rows:
             pose = PoseStamped()
-            pose.header.frame_id = self._map_frame
+            pose.header.stamp, pose.header.frame_id = rospy.Time(stamp_s), self._map_frame
             pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = x, y, z
             pose.pose.orientation.w = 1.0
             path.poses.append(pose)

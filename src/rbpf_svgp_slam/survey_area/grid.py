@@ -10,8 +10,11 @@ from rbpf_svgp_slam.parameters.rules import Polygon
 from rbpf_svgp_slam.survey_area.polygon import inside
 
 
-def survey_grid(area: Polygon, resolution_m: float, max_points: int) -> np.ndarray:
-    """Grid points [n, 2] inside the polygon, frame map, m; coarser where there are too many."""
+def survey_grid(area: Polygon, resolution_m: float, max_points: int) -> tuple[np.ndarray, float]:
+    """Grid points [n, 2] inside the polygon, frame map, and their spacing, m.
+
+    The grid is coarser than the resolution where that would be too many points.
+    """
     vertices = np.asarray(area, dtype=float)
     while True:
         # The cells that the bounding box would have bound the memory that a try takes.
@@ -21,7 +24,7 @@ def survey_grid(area: Polygon, resolution_m: float, max_points: int) -> np.ndarr
             continue
         points = _grid(vertices, resolution_m)
         if len(points) <= max_points:
-            return points
+            return points, resolution_m
         resolution_m *= math.sqrt(len(points) / max_points) * 1.01
 
 

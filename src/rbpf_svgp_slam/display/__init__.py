@@ -1,0 +1,1 @@
+"""How a survey goes, as an image for RViz."""
