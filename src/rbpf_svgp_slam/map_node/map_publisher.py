@@ -113,12 +113,17 @@ class MapPublisher:
             points = np.column_stack([self._points, mean])
             std = np.sqrt(np.maximum(variance, 0.0))
             self._variance.publish(point_cloud(header, {**_columns(points), "std": std}))
-            surveyed = self._seabed.surveyed()
-            seen = points[surveyed]
-            rgb = packed_rgb(points_rgb(seen))
-            self._mean.publish(point_cloud(header, {**_columns(seen), "rgb": rgb}))
-            ranks = depth_ranks(mean, surveyed)
-            self._rank.publish(occupancy_grid(header, self._points, ranks, self._spacing_m))
+            if self._seabed.known:
+                self._publish_surveyed(header, points)
+
+    def _publish_surveyed(self, header: Header, points: np.ndarray) -> None:
+        """Of the map's points [n, 3] those where beams fell."""
+        surveyed = self._seabed.surveyed()
+        seen = points[surveyed]
+        rgb = packed_rgb(points_rgb(seen))
+        self._mean.publish(point_cloud(header, {**_columns(seen), "rgb": rgb}))
+        ranks = depth_ranks(points[:, 2], surveyed)
+        self._rank.publish(occupancy_grid(header, self._points, ranks, self._spacing_m))
 
 
 def _columns(points: np.ndarray) -> dict[str, np.ndarray]:
