@@ -188,11 +188,12 @@ def test_the_recorders_private_parameters(tmp_path):
 @pytest.mark.parametrize(
     "private, message",
     [
-        ({}, "~out is not set; expected the path of the run folder"),
-        ({"out": ""}, "~out is ''; expected the path of the run folder"),
-        ({"out": "DIR", "bag": 3}, "~bag is 3; expected a value of type str"),
-        ({"out": "DIR", "offline": "yes"}, "~offline is 'yes'; expected a value of type bool"),
-        ({"out": "DIR", "terrain": None}, "~terrain is None; expected a value of type str"),
+        ({}, "~out is not set; expected the absolute path of the run folder"),
+        ({"out": "run"}, "~out is 'run'; expected the absolute path of the run folder"),
+        ({"out": ""}, "~out is ''; expected the absolute path of the run folder"),
+        ({"out": "/DIR", "bag": 3}, "~bag is 3; expected a value of type str"),
+        ({"out": "/DIR", "offline": "yes"}, "~offline is 'yes'; expected a value of type bool"),
+        ({"out": "/DIR", "terrain": None}, "~terrain is None; expected a value of type str"),
     ],
 )
 def test_bad_private_parameters_are_refused(private, message):

@@ -18,6 +18,7 @@ from rbpf_svgp_slam.parameters.rules import (
     ParameterError,
     Polygon,
     Rule,
+    absolute_path,
     between,
     checked,
     choice,
@@ -109,7 +110,7 @@ RULES = {
     "output/time_lapse_period_s": between(0.0, 1e9),
 }
 RECORDER_RULES = {
-    "out": name("the path of the run folder"),
+    "out": absolute_path("of the run folder"),
     "bag": of_type(str),
     "offline": of_type(bool),
     "terrain": of_type(str),

@@ -88,6 +88,14 @@ def name(expected: str = "a name") -> Rule:
     return Rule(expected, lambda value: isinstance(value, str) and bool(value))
 
 
+def absolute_path(what: str) -> Rule:
+    """A path from / or from ~: a node's working folder is not the one that it was started from."""
+    return Rule(
+        f"the absolute path {what}",
+        lambda value: isinstance(value, str) and value.startswith(("/", "~")),
+    )
+
+
 def polygon() -> Rule:
     """Vertices [[x, y], ...] that enclose an area; becomes a tuple of pairs."""
     return Rule(

@@ -29,6 +29,7 @@ from rbpf_svgp_slam.recorder.ground_truth import POSE_OF, GroundTruth
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import nothing_taken_in
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
+from rbpf_svgp_slam.recorder.room_to_write import expect_room
 from rbpf_svgp_slam.recorder.seabed_publisher import SeabedPublisher
 from rbpf_svgp_slam.recorder.so_far import SoFar
 from rbpf_svgp_slam.recorder.survey_client import finish_survey
@@ -52,6 +53,7 @@ def start() -> int | str:
     rospy.init_node(NAME)
     try:
         private = validate_recorder(rospy.get_param(rospy.get_name(), {}))
+        expect_room(private.out_dir)
         recorder = Recorder(private, parameter_tree(NAME))
     except ParameterError as error:
         return f"{NAME}: {error}"
