@@ -204,3 +204,43 @@ def all_ping(sector=0):
     ]
     header = struct.pack("<4HfI", 15000, 1, len(beams), len(beams), 1e4, 0)
     return header + struct.pack("<hH3fH2Bf", 0, 0, *[0.0] * 3, 0, 0, 0, 0.0) + b"".join(beams)
+
+
+# GSF
+
+
+def gsf(seconds=4.0, version=3):
+    """Version, pings at 5 Hz with what they are placed by, attitudes at 50 Hz."""
+    parts = [gsf_record(1, b"GSF-v0%d.09\0\0" % version), gsf_record(12, gsf_attitudes(seconds))]
+    times_s = 0.2 * np.arange(int(5 * seconds) + 1)
+    return b"".join(parts + [gsf_record(2, gsf_ping(t, version)) for t in times_s])
+
+
+def gsf_record(kind, body):
+    body += bytes(-len(body) % 4)
+    return struct.pack(">2I", len(body), kind) + body
+
+
+def gsf_time(time_s):
+    return struct.pack(">2I", *divmod(round(1e9 * (START_S + time_s)), 1_000_000_000))
+
+
+def gsf_attitudes(seconds):
+    count = int(50 * seconds) + 2
+    samples = [struct.pack(">H3hH", 20 * k, 0, 0, 0, 0) for k in range(count)]
+    return gsf_time(0.0) + struct.pack(">H", count) + b"".join(samples)
+
+
+def gsf_ping(time_s, version=3):
+    beams = len(ANGLES_RAD)
+    place = (round(1e7 * LONGITUDE_DEG), round(1e7 * latitude_deg(time_s)))
+    head = struct.pack(">2i4H", *place, beams, beams // 2, 0, 0)
+    # no tide; the sonar's depth; heading north, level
+    head += struct.pack(">hiH3h2H", 0, round(100 * DOWN_M), 0, 0, 0, 0, 0, 0)
+    head += bytes(14 if version > 2 else 0)
+    across = np.round(1000 * (DEPTH_M - DOWN_M) * np.tan(ANGLES_RAD)).astype(">i4")
+    depth = np.full(beams, round(1000 * DEPTH_M), ">u4")
+    scales = b"".join(struct.pack(">4BIi", part, 0x40, 0, 0, 1000, 0) for part in (1, 2))
+    parts = [(100, struct.pack(">I", 2) + scales), (1, depth.tobytes()), (2, across.tobytes())]
+    packed = [struct.pack(">I", part << 24 | len(body)) + body for part, body in parts]
+    return gsf_time(time_s) + head + b"".join(packed)

@@ -29,9 +29,13 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "your_survey.md"
 
 @pytest.fixture
 def made_up(tmp_path):
-    """Files of Kongsberg's, which need no optional package."""
-    for name, data in (("s.kmall", sonar_files.kmall(6.0)), ("s.all", sonar_files.all_(6.0))):
-        (tmp_path / name).write_bytes(data)
+    """Files that need no optional package."""
+    for kind, make in (
+        ("kmall", sonar_files.kmall),
+        ("all", sonar_files.all_),
+        ("gsf", sonar_files.gsf),
+    ):
+        (tmp_path / f"s.{kind}").write_bytes(make(6.0))
     return tmp_path
 
 
@@ -56,7 +60,7 @@ def positions(path, topic="/odom"):
     )
 
 
-@pytest.mark.parametrize("kind", ["kmall", "all"])
+@pytest.mark.parametrize("kind", ["kmall", "all", "gsf"])
 def test_a_bag_has_what_the_package_takes(made_up, capfd, kind):
     out = made_up / "s.bag"
     origin = (sonar_files.LATITUDE_DEG, sonar_files.LONGITUDE_DEG)
@@ -68,9 +72,12 @@ def test_a_bag_has_what_the_package_takes(made_up, capfd, kind):
     [fix] = messages(out, "/survey_origin")
     assert (fix.latitude, fix.longitude, fix.altitude, fix.header.frame_id) == (*origin, 0, "map")
     [mount] = messages(out, "/tf_static")
-    assert mount.transforms[0].transform.translation.z == pytest.approx(-DOWN_M)
+    # a GSF's positions and depths are the sonar's own
+    down_m = 0.0 if kind == "gsf" else DOWN_M
+    assert mount.transforms[0].transform.translation.z == pytest.approx(-down_m)
     odometry = messages(out, "/odom")
-    assert odometry[3].twist.twist.linear.x == pytest.approx(SPEED_MPS, abs=0.02)
+    # positions of a GSF come in 1.1 cm, five times a second
+    assert odometry[3].twist.twist.linear.x == pytest.approx(SPEED_MPS, abs=0.06)
     assert odometry[3].pose.pose.orientation.z == pytest.approx(np.sqrt(0.5))  # north
     time_s, _, north_m, _ = positions(out).T
     # .all has positions in 6 mm, and comes in the millisecond
@@ -148,6 +155,42 @@ def test_mistakes_in_the_arguments(made_up, capfd, name):
     default = [] if "--out" in options else ["--out", made_up / "s.bag"]
     status, _, problems = run(capfd, made_up / "s.kmall", *default, *options)
     assert status == 2 and re.search(expected, problems), problems
+
+
+def test_soundings_are_not_computed_again(made_up, capfd):
+    profile = made_up / "profile.txt"
+    profile.write_text("0 1500\n100 1500\n")
+    for options in (["--profile", profile], ["--mount-angles", 1, 0, 0]):
+        arguments = [made_up / "s.gsf", "--out", made_up / "s.bag", *options]
+        status, _, problems = run(capfd, *arguments)
+        assert status == 2 and "s.gsf, whose soundings are computed already" in problems
+
+
+def test_gsf_in_the_order_of_time_and_with_the_antenna_where_it_is(made_up, capfd):
+    """Wherever the vehicle's reference point is, its beams stay where the file has them."""
+    whole = (made_up / "s.gsf").read_bytes()
+    ping_bytes = len(sonar_files.gsf_record(2, sonar_files.gsf_ping(0.0)))
+    head, pings = whole[: -31 * ping_bytes], whole[-31 * ping_bytes :]
+    (made_up / "a.gsf").write_bytes(head + pings[15 * ping_bytes :])
+    (made_up / "b.gsf").write_bytes(head + pings[: 15 * ping_bytes])
+    seabeds = []
+    for options in ([], ["--antenna", 1, 2, 0]):
+        out = made_up / "s.bag"
+        files = [made_up / name for name in ("a.gsf", "b.gsf")]
+        status, output, problems = run(capfd, *files, "--out", out, *options)
+        assert (status, problems) == (0, "") and output.index("b.gsf") < output.index("a.gsf")
+        assert "beams are the file's own soundings" in output
+        cloud = messages(out, "/mbes/pings")[20]
+        points_m = np.array(list(point_cloud2.read_points(cloud, ("x", "y", "z"))))
+        place_m = positions(out)
+        at = np.searchsorted(place_m[:, 0], cloud.header.stamp.to_sec() - START_S - 1e-6)
+        # heading north: forward is y, port is -x
+        x_m, y_m = place_m[at, 1] - points_m[:, 1], place_m[at, 2] + points_m[:, 0]
+        seabeds.append(np.column_stack([x_m, y_m, place_m[at, 3] + points_m[:, 2]]))
+    assert np.abs(place_m[at, 1] - x_m.mean()) > 1.9
+    # the odometry comes every 2 cm
+    np.testing.assert_allclose(*seabeds, atol=0.03)
+    np.testing.assert_allclose(seabeds[0][:, 2], -DEPTH_M, atol=0.001)
 
 
 def test_mistakes_in_files(made_up, capfd):

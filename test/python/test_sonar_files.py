@@ -2,13 +2,14 @@
 
 import struct
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sonar_files
 from sonar_files import DEPTH_M, DOWN_M, SHARED, SPEED_MPS
 
-from rbpf_svgp_slam.importers.beam_geometry import in_map
+from rbpf_svgp_slam.importers.beam_geometry import in_map, laid_out
 from rbpf_svgp_slam.importers.formats import read_sonar_file
 from rbpf_svgp_slam.importers.local_frame import LocalFrame
 from rbpf_svgp_slam.importers.sonar_file import ImportProblem, SonarFileError
@@ -16,7 +17,13 @@ from rbpf_svgp_slam.importers.sonar_survey import make_survey
 from rbpf_svgp_slam.importers.vehicle_track import make_tracks
 
 pytest.importorskip("pyproj", reason="pyproj is not installed")
-MADE_UP = {"xtf": sonar_files.xtf, "kmall": sonar_files.kmall, "all": sonar_files.all_}
+GSF = Path(__file__).parent / "data" / "plane.gsf"
+MADE_UP = {
+    "xtf": sonar_files.xtf,
+    "kmall": sonar_files.kmall,
+    "all": sonar_files.all_,
+    "gsf": sonar_files.gsf,
+}
 
 
 def need(kind):
@@ -52,6 +59,9 @@ def placed(recording, track):
     """Swaths within the track, and their beams in map."""
     for swath in recording.swaths:
         if track.time_s[0] <= swath.time_s and swath.time_s + 0.1 <= track.time_s[-1]:
+            if recording.computed:
+                yield swath, laid_out(swath, track, recording.installation.positioning)
+                continue
             points_m = in_map(
                 swath,
                 track,
@@ -105,7 +115,9 @@ def test_of_a_file_that_is_cut_off_all_before_is_kept(write, kind):
 def test_a_damaged_record_is_refused_by_its_offset(write, kind):
     need(kind)
     data = bytearray(MADE_UP[kind]())
-    offset = {"xtf": 1024 + 64, "kmall": struct.unpack_from("<I", data)[0], "all": 0}[kind]
+    offset = {"xtf": 1024 + 64, "kmall": struct.unpack_from("<I", data)[0]}.get(kind, 0)
+    if kind == "gsf":
+        offset = 8 + struct.unpack_from(">I", data)[0]
     if kind == "all":
         offset = 4 + struct.unpack_from("<I", data)[0]
     data[offset : offset + 6] = b"\xff" * 6
@@ -233,6 +245,85 @@ def test_a_vehicle_that_dives(write, kind):
     track = track_of(recording)
     elapsed_s = track.time_s - recording.positions.time_s[0]
     np.testing.assert_allclose(track.position_m[:, 2], -50 - elapsed_s, atol=0.01)
+
+
+GSF_MISTAKES = {
+    "scale": (b"\x64\x00\x00\x1c", b"\x65\x00\x00\x1c", "part 1 without a scale"),
+    "compressed": (b"\1\x40\0\0", b"\1\x41\0\0", "part 1 compressed"),
+    "size": (b"\1\0\0\x7c", b"\1\0\0\x7b", "123 bytes of part 1, expected 1, 2 or 4 for 31 beams"),
+    "beyond": (b"\2\0\0\x7c", b"\2\0\1\x7c", "380 bytes of part 2, expected 124 or less"),
+}
+
+
+@pytest.mark.parametrize("name", GSF_MISTAKES)
+def test_a_broken_ping_of_gsf_is_refused(write, name):
+    old, new, expected = GSF_MISTAKES[name]
+    data = sonar_files.gsf(1.0)
+    assert old in data
+    with pytest.raises(SonarFileError, match=rf"survey: at byte \d+: {expected}"):
+        read_sonar_file(write(data.replace(old, new)))
+
+
+def test_gsf_before_version_3_has_shorter_pings(write):
+    old, new = (read_sonar_file(write(sonar_files.gsf(1.0, version))) for version in (2, 3))
+    assert [swath.time_s for swath in old.swaths] == [swath.time_s for swath in new.swaths]
+    for one, other in zip(old.swaths, new.swaths):
+        np.testing.assert_array_equal(one.place_m, other.place_m)
+
+
+def test_what_a_ping_of_gsf_does_not_know(write):
+    """Roll, pitch and heave are 0 then; without a depth corrector the vehicle is at the surface."""
+    data = sonar_files.gsf(1.0)
+    known = struct.pack(">hiH3h", 0, round(100 * DOWN_M), 0, 0, 0, 0)
+    unknown = struct.pack(">hiH3h", 9999, 9999, 0, 9900, 9900, 9900)
+    without_records = data[:20] + data[20 + 8 + struct.unpack_from(">I", data, 20)[0] :]
+    recording = read_sonar_file(write(without_records.replace(known, unknown)))
+    assert recording.depths is None and len(recording.attitudes.time_s) == len(recording.swaths)
+    for name in ("roll_rad", "pitch_rad", "heave_m"):
+        assert not getattr(recording.attitudes, name).any()
+    assert any("no attitude records" in line for line in recording.found)
+
+
+def test_a_checksum_of_gsf_that_does_not_fit_is_refused(write):
+    data = GSF.read_bytes()
+    # the first record after the version, which has a checksum
+    assert struct.unpack_from(">I", data, 24)[0] == 0x8000_0002
+    changed = data[:40] + bytes([data[40] ^ 1]) + data[41:]
+    with pytest.raises(SonarFileError, match="at byte 20: bytes that sum to .*, the checksum"):
+        read_sonar_file(write(changed))
+
+
+def test_soundings_of_libgsf_lie_on_their_plane():
+    """Of a file that libgsf 3.09 has written, by plane_gsf.py, which says what it holds."""
+    recording = read_sonar_file(GSF)
+    assert (len(recording.swaths), recording.cut_off) == (19, "")  # one ping of 20 is rejected
+    assert {len(swath.place_m) for swath in recording.swaths} == {6}  # one beam of 7
+    assert "left out: 1 pings, and 19 beams of the others" in "".join(recording.found)
+    attitudes = recording.attitudes
+    np.testing.assert_allclose(np.degrees(attitudes.roll_rad[:3]), (0.0, 0.1, 0.2), atol=1e-9)
+    np.testing.assert_allclose(np.degrees(attitudes.pitch_rad), -1.5)
+    np.testing.assert_allclose(np.degrees(attitudes.heading_rad), 30.0)
+    # of the file's draught and tide
+    np.testing.assert_allclose(recording.depths.depth_m, 1.25 - 0.5)
+    track = track_of(recording)
+    pings = list(placed(recording, track))
+    assert len(pings) >= 17
+    for swath, points_m in pings:
+        x_m, y_m, z_m = points_m.T
+        # depths in cm, positions in 1e-7 degree (1.1 cm) on a slope of 0.1
+        np.testing.assert_allclose(z_m, -(20 + 0.1 * x_m - 0.05 * y_m), atol=0.01)
+        along_m = 2.0 * (swath.time_s - recording.start_s)
+        foot_m = points_m.mean(axis=0)[:2] - (sum_of_beams_m() / 6)
+        towards = np.array([np.sin(np.radians(30)), np.cos(np.radians(30))])
+        np.testing.assert_allclose(foot_m, along_m * towards, atol=0.03)
+
+
+def sum_of_beams_m():
+    """East and north of the six good beams, from the sonar."""
+    across_m = np.array([-30.0, -20.0, -10.0, 10.0, 20.0, 30.0]).sum()
+    along_m = np.array([-0.3, -0.2, -0.1, 0.1, 0.2, 0.6]).sum()
+    s, c = np.sin(np.radians(30)), np.cos(np.radians(30))
+    return np.array([across_m * c + along_m * s, along_m * c - across_m * s])
 
 
 # Real files

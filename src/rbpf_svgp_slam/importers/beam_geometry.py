@@ -13,7 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from rbpf_svgp_slam.bags.recorded_survey import Trajectory, rotation_from_rpy
 from rbpf_svgp_slam.importers.ray_tracing import bent
-from rbpf_svgp_slam.importers.sonar_recording import Installation, Placed, SoundSpeedProfile, Swath
+from rbpf_svgp_slam.importers.sonar_recording import (
+    Installation,
+    Placed,
+    SoundSpeedProfile,
+    Soundings,
+    Swath,
+)
 from rbpf_svgp_slam.importers.vehicle_track import mount_rpy_rad, place_m
 
 #: Of the search for the way back's length. It shortens the error by the arrays' distance over the
@@ -63,6 +69,17 @@ def in_map(
     towards_m[:, :2] *= (across_m / np.maximum(horizontal_m, 1e-9))[:, None]
     towards_m[:, 2] = -down_m
     return array_m + towards_m
+
+
+def laid_out(soundings: Soundings, track: Trajectory, positioning: Placed) -> np.ndarray:
+    """Points [B, 3] in the map frame, m, about where the positioning sensor is at that time."""
+    position_m, rpy_rad = track.poses_at(np.array([soundings.time_s]))
+    from_m = position_m[0] + rotation_from_rpy(rpy_rad)[0].apply(place_m(positioning))
+    forward_m, starboard_m, down_m = soundings.place_m.T
+    east, north = np.sin(soundings.heading_rad), np.cos(soundings.heading_rad)
+    x_m = from_m[0] + forward_m * east + starboard_m * north
+    y_m = from_m[1] + forward_m * north - starboard_m * east
+    return np.column_stack([x_m, y_m, -down_m])
 
 
 def in_sensor(points_m: np.ndarray, time_s: float, track: Trajectory, sensor: Placed) -> np.ndarray:

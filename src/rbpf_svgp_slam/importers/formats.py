@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rbpf_svgp_slam.importers.all_file import is_all, read_all
+from rbpf_svgp_slam.importers.gsf_file import is_gsf, read_gsf
 from rbpf_svgp_slam.importers.kmall_file import is_kmall, read_kmall
 from rbpf_svgp_slam.importers.sonar_file import SonarFile
 from rbpf_svgp_slam.importers.sonar_recording import Positions, Recording
@@ -15,7 +16,12 @@ from rbpf_svgp_slam.importers.xtf_file import is_xtf, read_xtf
 
 #: Of sound in the sea, and in fresh water, with room.
 SPEEDS_MPS = (1300.0, 1800.0)
-READERS = ((is_xtf, read_xtf), (is_kmall, read_kmall), (is_all, read_all))
+READERS = (
+    (is_xtf, read_xtf),
+    (is_kmall, read_kmall),
+    (is_all, read_all),
+    (is_gsf, read_gsf),
+)
 
 
 def read_sonar_file(path: Path) -> Recording:
@@ -26,7 +32,10 @@ def read_sonar_file(path: Path) -> Recording:
             recording = read(file)
             break
     else:
-        expected = "XTF (0x7b), Kongsberg .all (0x02 at byte 4) or .kmall ('#' at byte 4)"
+        expected = (
+            "XTF (0x7b), Kongsberg .all (0x02 at byte 4) or .kmall ('#' at byte 4), "
+            "GSF ('GSF-v' at byte 8)"
+        )
         raise file.error(0, f"{bytes(file.data[:8])!r}", expected)
     if not recording.swaths:
         raise file.error(len(file), "the file's end without a ping", "pings of a kind that is read")

@@ -23,7 +23,7 @@ from rbpf_svgp_slam.importers.sonar_survey import Degradation, make_survey
 from rbpf_svgp_slam.simulation.dead_reckoning import DeadReckoningNoise
 
 _DESCRIPTION = """Make a survey's bag of the files of a multibeam echosounder: XTF with R2Sonic's
-pings, Kongsberg .all and .kmall.
+pings, Kongsberg .all and .kmall, GSF.
 
 Several files make one survey, in the order of their times, gaps kept. Beside F.bag comes
 F.survey.yaml, an overlay for the filter with the survey area and the map frame's origin. The
@@ -109,6 +109,13 @@ def _check(options: argparse.Namespace) -> None:
 
 def _with_options(recording: Recording, options: argparse.Namespace) -> Recording:
     """With what the user knows better than the file."""
+    for name in ("mount_angles", "profile"):
+        value = getattr(options, name)
+        if recording.computed and value is not None:
+            raise ImportProblem(
+                f"{name} is {value}, expected none for {recording.path}, whose soundings are "
+                "computed already"
+            )
     installation = recording.installation
     if options.sonar is not None:
         arm = dict(zip(("forward_m", "starboard_m", "down_m"), options.sonar))

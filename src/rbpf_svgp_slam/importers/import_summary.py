@@ -93,12 +93,7 @@ def _found(recording: Recording) -> list[str]:
         lines.append(f"receiver at {_place(installation.receiver)}")
     lines.append(f"positions are of {_place(installation.positioning)}")
     lines.append(f"attitudes are of {_place(installation.motion)}")
-    speeds_mps = [swath.surface_speed_mps for swath in recording.swaths]
-    profile = recording.profile
-    water = "no profile: rays are straight"
-    if profile is not None:
-        water = f"a profile of {len(profile.depth_m)} depths to {profile.depth_m[-1]:.0f} m"
-    lines.append(f"sound at the array {min(speeds_mps):.1f} to {max(speeds_mps):.1f} m/s; {water}")
+    lines.append(_water(recording))
     if recording.depths is None:
         lines.append(
             f"the vehicle's height by heave; waterline {installation.waterline_m:.3f} m below the "
@@ -107,6 +102,17 @@ def _found(recording: Recording) -> list[str]:
     else:
         lines.append(f"{len(recording.depths.time_s)} depths of the vehicle")
     return lines
+
+
+def _water(recording: Recording) -> str:
+    if recording.computed:
+        return "beams are the file's own soundings, corrected already, and laid out as they are"
+    speeds_mps = [swath.surface_speed_mps for swath in recording.swaths]
+    profile = recording.profile
+    water = "no profile: rays are straight"
+    if profile is not None:
+        water = f"a profile of {len(profile.depth_m)} depths to {profile.depth_m[-1]:.0f} m"
+    return f"sound at the array {min(speeds_mps):.1f} to {max(speeds_mps):.1f} m/s; {water}"
 
 
 def _place(sensor: Placed) -> str:

@@ -84,6 +84,19 @@ class Swath:
 
 
 @dataclass(frozen=True)
+class Soundings:
+    """The beams of one ping as others have computed them: no travel times are left to trace.
+
+    place_m [B, 3]: x forward and y starboard of the position, z below the surface or the datum of
+    the file, levelled, m; heading_rad: what forward is.
+    """
+
+    time_s: float
+    heading_rad: float
+    place_m: np.ndarray
+
+
+@dataclass(frozen=True)
 class SoundSpeedProfile:
     """Sound speed [N] at depths [N] below the surface, increasing."""
 
@@ -104,7 +117,7 @@ class Recording:
     sonar: str
     positions: Positions
     attitudes: Attitudes
-    swaths: list[Swath]
+    swaths: list[Swath] | list[Soundings]
     installation: Installation
     profile: SoundSpeedProfile | None = None
     depths: Depths | None = None
@@ -112,6 +125,11 @@ class Recording:
     found: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     cut_off: str = ""
+
+    @property
+    def computed(self) -> bool:
+        """Whether the beams are soundings, which no profile and no mount angle changes."""
+        return any(isinstance(swath, Soundings) for swath in self.swaths)
 
     @property
     def start_s(self) -> float:

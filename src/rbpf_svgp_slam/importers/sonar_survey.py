@@ -10,7 +10,7 @@ import numpy as np
 
 from rbpf_svgp_slam.bags.recorded_survey import OdometryNoise, RecordedSurvey, Trajectory
 from rbpf_svgp_slam.checking.area_of_beams import area_around
-from rbpf_svgp_slam.importers.beam_geometry import in_map, in_sensor
+from rbpf_svgp_slam.importers.beam_geometry import in_map, in_sensor, laid_out
 from rbpf_svgp_slam.importers.degrade import degrade_odometry, odometry_noise
 from rbpf_svgp_slam.importers.formats import SPEEDS_MPS
 from rbpf_svgp_slam.importers.local_frame import LocalFrame
@@ -20,6 +20,7 @@ from rbpf_svgp_slam.importers.sonar_recording import (
     Installation,
     Positions,
     Recording,
+    Soundings,
     Swath,
 )
 from rbpf_svgp_slam.importers.sonar_file import ImportProblem
@@ -173,21 +174,25 @@ def _pings(
 
 def _add(
     pings: _Pings,
-    swath: Swath,
+    swath: Swath | Soundings,
     recording: Recording,
     tracks: Sequence[Trajectory],
     installation: Installation,
 ) -> None:
-    swath = _plausible(swath)
+    if isinstance(swath, Swath):
+        swath = _plausible(swath)
     if pings.time_s and swath.time_s <= pings.time_s[-1]:
         pings.twice += 1
         return
-    end_s = swath.time_s + np.max(swath.delay_s + np.nan_to_num(swath.travel_time_s), initial=0.0)
+    end_s = _end_s(swath)
     track = next((t for t in tracks if t.time_s[0] <= swath.time_s and end_s <= t.time_s[-1]), None)
     if track is None:
         pings.outside += 1
         return
-    map_m = in_map(swath, track, installation, recording.profile, recording.speed_of_profile)
+    if isinstance(swath, Soundings):
+        map_m = laid_out(swath, track, installation.positioning)
+    else:
+        map_m = in_map(swath, track, installation, recording.profile, recording.speed_of_profile)
     map_m = map_m[np.isfinite(map_m).all(axis=1)]
     if not len(map_m):
         pings.empty += 1
@@ -199,6 +204,13 @@ def _add(
     vehicle_m = track.poses_at(np.array([swath.time_s]))[0][0]
     pings.sample_m.append(sample_m)
     pings.reach_m.append(np.linalg.norm((sample_m - vehicle_m)[:, :2], axis=1))
+
+
+def _end_s(swath: Swath | Soundings) -> float:
+    """When the last beam is back."""
+    if isinstance(swath, Soundings):
+        return swath.time_s
+    return swath.time_s + np.max(swath.delay_s + np.nan_to_num(swath.travel_time_s), initial=0.0)
 
 
 def _plausible(swath: Swath) -> Swath:
