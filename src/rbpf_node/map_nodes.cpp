@@ -19,6 +19,8 @@ using rbpf_svgp_slam::PrepareResampling;
 
 namespace {
 
+constexpr double kErrorPeriod_s = 10.0;
+
 // x, y of a ping's beams as one particle sees them, relative to the survey origin, [n, 2].
 std::vector<float> positionsOf(const rbpf_core::Beams& levelled_m, const rbpf_core::Pose2& pose,
                                const rbpf_core::Origin& origin) {
@@ -61,6 +63,25 @@ void expectSuccess(const std::vector<Answer<Service>>& answers) {
 
 }  // namespace
 
+std::string problemWith(const MapStatus& status, std::size_t node,
+                        const std::vector<std::uint32_t>& particles) {
+  if (status.node != node) {
+    return "node is " + std::to_string(status.node) + ", expected " + std::to_string(node);
+  }
+  const std::size_t J = particles.size();
+  if (status.particles != particles) {
+    return "it has maps of " + std::to_string(status.particles.size()) +
+           " particles, expected those of its own " + std::to_string(J);
+  }
+  for (const std::size_t size :
+       {status.iterations.size(), status.ready.size(), status.objective.size()}) {
+    if (size == J) continue;
+    return "it has an array of " + std::to_string(size) + ", expected one value for each of its " +
+           std::to_string(J) + " particles";
+  }
+  return "";
+}
+
 MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params, std::uint64_t survey)
     : node_(std::move(node)),
       nodes_(params.nodes),
@@ -68,21 +89,45 @@ MapNodes::MapNodes(ros::NodeHandle node, const Parameters& params, std::uint64_t
       origin_(params.filter.origin),
       predict_timeout_s_(params.loop_closure_timeout_s),
       resampling_timeout_s_(params.resampling_timeout_s),
-      node_of_(rbpf_core::shareParticles(params.filter.particles, params.nodes)) {}
+      node_of_(rbpf_core::shareParticles(params.filter.particles, params.nodes)),
+      particles_of_(params.nodes) {
+  for (std::uint32_t j = 0; j < node_of_.size(); ++j) particles_of_[node_of_[j]].push_back(j);
+}
 
 void MapNodes::listen() {
   for (std::size_t k = 0; k < nodes_; ++k) {
-    subscribers_.push_back(node_.subscribe<MapStatus>(service(k, "status"), 10,
-                                                      [this](const MapStatus::ConstPtr& status) {
-                                                        const std::lock_guard lock(mutex_);
-                                                        latest_[status->node] = *status;
-                                                      }));
+    subscribers_.push_back(node_.subscribe<MapStatus>(
+        service(k, "status"), 10,
+        [this, k](const MapStatus::ConstPtr& status) { hear(k, *status); }));
   }
 }
 
 void MapNodes::takeStates(const std::vector<MapStatus>& states) {
+  for (const MapStatus& status : states) {
+    hear(std::min<std::size_t>(status.node, nodes_ - 1), status);
+  }
+}
+
+void MapNodes::hear(std::size_t node, const MapStatus& status) {
+  if (const std::string problem = problemWith(status, node, particles_of_[node]);
+      !problem.empty()) {
+    ROS_ERROR_THROTTLE(kErrorPeriod_s, "Status of svgp_node_%zu refused: %s", node,
+                       problem.c_str());
+    return;
+  }
   const std::lock_guard lock(mutex_);
-  for (const MapStatus& status : states) latest_[status.node] = status;
+  latest_[node] = {status, ros::WallTime::now()};
+}
+
+std::map<std::size_t, double> MapNodes::silentFor(double seconds) const {
+  const ros::WallTime now = ros::WallTime::now();
+  const std::lock_guard lock(mutex_);
+  std::map<std::size_t, double> silent;
+  for (const auto& [node, heard] : latest_) {
+    const double age_s = (now - heard.at).toSec();
+    if (age_s > seconds) silent[node] = age_s;
+  }
+  return silent;
 }
 
 std::string MapNodes::service(std::size_t node, const std::string& name) const {
@@ -99,7 +144,8 @@ rbpf_core::MapsState MapNodes::state(std::uint32_t epoch) const {
   const std::lock_guard lock(mutex_);
   rbpf_core::MapsState state;
   state.nodes = nodes_;
-  for (const auto& [node, status] : latest_) {
+  for (const auto& [node, heard] : latest_) {
+    const MapStatus& status = heard.status;
     if (status.survey != survey_) continue;
     state.steps += status.steps;
     if (status.epoch != epoch) continue;
@@ -158,6 +204,7 @@ rbpf_core::MovedMaps MapNodes::prepare(std::uint32_t epoch,
 
 void MapNodes::endResampling(std::uint32_t epoch, bool commit) const {
   CommitResampling::Request request;
+  request.survey = survey_;
   request.epoch = epoch;
   request.commit = commit;
   expectSuccess(callAll<CommitResampling>(services("commit_resampling"),

@@ -14,6 +14,11 @@
 
 namespace rbpf_node {
 
+// What is wrong with a status that came from that node, whose particles these are; empty if
+// nothing.
+std::string problemWith(const rbpf_svgp_slam::MapStatus& status, std::size_t node,
+                        const std::vector<std::uint32_t>& particles);
+
 // Calls all nodes at the same time. What goes wrong is thrown as a std::runtime_error that names
 // each node that failed, or a std::invalid_argument that names the answer which is malformed.
 class MapNodes : public rbpf_core::Maps {
@@ -25,6 +30,9 @@ class MapNodes : public rbpf_core::Maps {
   void listen();
   void takeStates(const std::vector<rbpf_svgp_slam::MapStatus>& states);
 
+  // Nodes that have been heard of, but not for so long, s of wall time, with their silence.
+  std::map<std::size_t, double> silentFor(double seconds) const;
+
   rbpf_core::MapsState state(std::uint32_t epoch) const override;
   const std::vector<std::uint32_t>& nodeOf() const override { return node_of_; }
   rbpf_core::PingPrediction predict(std::uint32_t epoch,
@@ -35,6 +43,13 @@ class MapNodes : public rbpf_core::Maps {
   void abort(std::uint32_t epoch) override { endResampling(epoch, false); }
 
  private:
+  struct Heard {
+    rbpf_svgp_slam::MapStatus status;
+    ros::WallTime at;
+  };
+
+  // A status of that node; one that cannot be its own is logged, and not used.
+  void hear(std::size_t node, const rbpf_svgp_slam::MapStatus& status);
   std::string service(std::size_t node, const std::string& name) const;
   std::vector<std::string> services(const std::string& name) const;
   void endResampling(std::uint32_t epoch, bool commit) const;
@@ -45,10 +60,11 @@ class MapNodes : public rbpf_core::Maps {
   const rbpf_core::Origin origin_;
   const double predict_timeout_s_;
   const double resampling_timeout_s_;
-  const std::vector<std::uint32_t> node_of_;  // [J]
+  const std::vector<std::uint32_t> node_of_;              // [J]
+  std::vector<std::vector<std::uint32_t>> particles_of_;  // [B]
   std::vector<ros::Subscriber> subscribers_;
   mutable std::mutex mutex_;  // guards latest_
-  std::map<std::uint32_t, rbpf_svgp_slam::MapStatus> latest_;
+  std::map<std::size_t, Heard> latest_;
 };
 
 }  // namespace rbpf_node

@@ -15,6 +15,8 @@ namespace {
 
 constexpr double kPromptErrorPeriod_s = 10.0;
 constexpr double kInputStale_s = 5.0;
+// Of a map node, which tells how it is twice a second between its steps.
+constexpr double kNodeSilent_s = 10.0;
 // Of who asks for a smoothing: maps may have to follow the last one first.
 constexpr double kSmoothingPatience_s = 300.0;
 
@@ -328,6 +330,13 @@ void SlamNode::diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report)
   } else {
     report.summaryf(DiagnosticStatus::OK, "%zu of %zu maps are ready", maps.maps_ready,
                     params_.filter.particles);
+  }
+  // Offline they are heard of in their turns.
+  if (input_ == Input::kLive) {
+    for (const auto& [node, silent_s] : maps_.silentFor(kNodeSilent_s)) {
+      report.mergeSummaryf(DiagnosticStatus::ERROR,
+                           "svgp_node_%zu has not been heard of for %.0f s", node, silent_s);
+    }
   }
   report.add("training steps", maps.steps);
 }

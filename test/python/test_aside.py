@@ -1,5 +1,7 @@
 """Files that are written aside and put in place whole."""
 
+import os
+
 import pytest
 
 from rbpf_svgp_slam.run.aside import written_aside
@@ -30,3 +32,24 @@ def test_what_fails_leaves_the_folder_as_it_was(tmp_path):
             (aside / "kept").write_text("half")
             raise OSError("disk full")
     assert contents(tmp_path) == {"kept": "old", "lacking": "old"}
+
+
+def test_files_are_on_the_disk_before_they_have_their_names(tmp_path, monkeypatch):
+    done = []
+    fsync, replace = os.fsync, os.replace
+
+    def note_fsync(descriptor):
+        done.append(("synced", os.path.basename(os.readlink(f"/proc/self/fd/{descriptor}"))))
+        fsync(descriptor)
+
+    def note_replace(source, target):
+        done.append(("named", os.path.basename(target)))
+        replace(source, target)
+
+    monkeypatch.setattr(os, "fsync", note_fsync)
+    monkeypatch.setattr(os, "replace", note_replace)
+    with written_aside(tmp_path / "run") as aside:
+        for name in ("a", "b"):
+            (aside / name).write_text(name)
+    expected = [("synced", "a"), ("synced", "b"), ("named", "a"), ("named", "b"), ("synced", "run")]
+    assert done == expected

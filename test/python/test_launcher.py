@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import psutil
@@ -34,7 +35,40 @@ def children():
 
 def test_a_node_that_ends_is_named(master, children):
     children[3].terminate()
-    assert launcher._watch(children) == "svgp_node_3 ended with exit status -15"
+    message = launcher._watch(children, start_again=False)
+    assert message == "svgp_node_3 ended with exit status -15"
+
+
+def test_a_node_that_is_killed_is_started_again(master, children, monkeypatch, capsys):
+    started = []
+
+    def start(index):
+        started.append(index)
+        # the second one ends by itself
+        return subprocess.Popen(["sleep", "60"] if len(started) == 1 else ["false"])
+
+    monkeypatch.setattr(launcher, "_start", start)
+    children[3].kill()
+    watch = threading.Thread(target=launcher._watch, args=(children, True), daemon=True)
+    watch.start()
+    deadline_s = time.monotonic() + 20.0
+    while not started and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    time.sleep(0.1)
+    assert watch.is_alive() and children[3].poll() is None
+    children[3].kill()
+    watch.join(20.0)
+    assert started == [3, 3] and not watch.is_alive()
+    assert "svgp_node_3 was killed by SIGKILL: it is started again" in capsys.readouterr().out
+
+
+def test_a_node_that_is_killed_again_and_again_is_given_up(master, children, monkeypatch):
+    monkeypatch.setattr(
+        launcher, "_start", lambda index: subprocess.Popen(["sh", "-c", "kill -11 $$"])
+    )
+    children[2].kill()
+    message = launcher._watch(children, start_again=True)
+    assert message == "svgp_node_2 was killed by SIGSEGV, 5 times within 60 s: it is given up"
 
 
 def test_a_master_that_was_started_again_is_noticed(master, children, monkeypatch):
@@ -48,7 +82,7 @@ def test_a_master_that_was_started_again_is_noticed(master, children, monkeypatc
         return found
 
     monkeypatch.setattr(launcher, "_uri_of", uri_of)
-    message = launcher._watch(children)
+    message = launcher._watch(children, start_again=True)
     assert message.endswith("was started again, and does not know svgp_node_3")
 
 

@@ -93,7 +93,9 @@ class CellMeansTest(unittest.TestCase):
             partial(service(k, "prepare_resampling", srv.PrepareResampling), 0)
             for k in range(NODES)
         ]
-        cls.commit = [service(k, "commit_resampling", srv.CommitResampling) for k in range(NODES)]
+        cls.commit = [
+            partial(service(k, "commit_resampling", srv.CommitResampling), 0) for k in range(NODES)
+        ]
         cls.get_maps = [service(k, "get_maps", srv.GetMaps) for k in range(NODES)]
 
     def maps_as_bytes(self):

@@ -121,11 +121,18 @@ class InputsTest(unittest.TestCase):
             "play_survey.py", "No report: .*player.*\n.*player-\\d+ was killed by SIGKILL"
         )
 
-    def test_the_core_is_killed(self):
-        self.check_death("rbpf_core", "rbpf_core-\\d+ was killed by SIGKILL")
+    def test_who_keeps_the_core_is_killed(self):
+        """The core alone: test_surveys.py."""
+        self.check_death("keep_core.py", "rbpf_core-\\d+ was killed by SIGKILL")
 
     def test_a_map_node_is_killed(self):
-        self.check_death("svgp_node.py", MAP_NODE_DEAD)
+        """Another one takes its place, and all goes on."""
+        case = Case("map_node_killed", "completes", "", lambda survey: survey, RIGHT)
+        survey, run = self.workshop.run(case, LIVE, lambda pid: kill("svgp_node.py", pid), rate=3)
+        self.assertEqual(run.status, 0, run.output)
+        self.assertIn("svgp_node_0 was killed by SIGKILL: it is started again", run.output)
+        self.assertEqual(run.report["pings"], len(survey.of(survey.ping_topic)), run.last_lines)
+        self.assertEqual(run.report["pings_dropped"], 0)
 
     def test_a_map_node_of_an_offline_replay_is_killed(self):
         self.check_death("svgp_node.py", MAP_NODE_DEAD, OFFLINE)

@@ -77,7 +77,9 @@ class ResamplingTest(unittest.TestCase):
         cls.prepare = [
             cls.of_survey(k, "prepare_resampling", srv.PrepareResampling) for k in range(NODES)
         ]
-        cls.commit = [service(k, "commit_resampling", srv.CommitResampling) for k in range(NODES)]
+        cls.commit = [
+            cls.of_survey(k, "commit_resampling", srv.CommitResampling) for k in range(NODES)
+        ]
         cls.get_maps = [service(k, "get_maps", srv.GetMaps) for k in range(NODES)]
 
     @classmethod
@@ -234,6 +236,9 @@ class ResamplingTest(unittest.TestCase):
             "ancestors has 4 entries; expected 5": self.prepare[0](epoch + 1, range(4)),
             "ancestors[2] is 5; expected 0 .. 4": self.prepare[0](epoch + 1, [0, 1, 5, 3, 4]),
             "nothing is prepared": self.commit[0](epoch + 1, True),
+            f"survey is {self.core.survey + 1:x}; expected": service(
+                0, "commit_resampling", srv.CommitResampling
+            )(self.core.survey + 1, epoch + 1, True),
         }
         for message, reply in refused.items():
             self.assertFalse(reply.success, message)

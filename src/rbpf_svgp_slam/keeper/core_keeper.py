@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import time
 from typing import Sequence
 
 from roslib.packages import find_node
 
-from rbpf_svgp_slam.processes import end_with_parent
+from rbpf_svgp_slam.processes import Deaths, end_with_parent
 
 PACKAGE, PROGRAM = "rbpf_svgp_slam", "rbpf_core"
 #: The core's private parameter: go on where the journal ends.
 RESUME = "_resume:=true"
-#: A core that dies so often within so long will not live.
-MOST_DEATHS, DEATHS_WITHIN_S = 5, 60.0
 # To end by itself once it has been told to; roslaunch gives us 15 s.
 PATIENCE_S = 10.0
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
@@ -37,7 +34,7 @@ def keep(command: Sequence[str]) -> int | str:
     """As above. Once a signal has ended it, the command gets one more argument, RESUME."""
     for number in INTERRUPTS:
         signal.signal(number, signal.default_int_handler)
-    deaths: list[float] = []
+    deaths = Deaths(PROGRAM)
     child = None
     try:
         while True:
@@ -48,11 +45,10 @@ def keep(command: Sequence[str]) -> int | str:
             status = child.wait()
             if status >= 0:
                 return status
-            deaths.append(time.monotonic())
-            what = f"{PROGRAM} was killed by {signal.Signals(-status).name}"
-            if len(deaths) >= MOST_DEATHS and deaths[-1] - deaths[-MOST_DEATHS] < DEATHS_WITHIN_S:
-                return f"{what}, {MOST_DEATHS} times within {DEATHS_WITHIN_S:.0f} s: it is given up"
-            print(f"{what}: it is started again, and resumes from its journal", flush=True)
+            told = deaths.add(status)
+            if deaths.too_many:
+                return told
+            print(f"{told}, and resumes from its journal", flush=True)
     except KeyboardInterrupt:
         return _stop(child)
 

@@ -11,13 +11,13 @@ import sys
 import time
 import xmlrpc.client
 from pathlib import Path
-from typing import Collection, Mapping, Sequence
+from typing import Collection, Sequence
 
 import rosgraph
 
 from rbpf_svgp_slam.parameters.rules import ParameterError
 from rbpf_svgp_slam.parameters.server import load_parameters
-from rbpf_svgp_slam.processes import end_with_parent
+from rbpf_svgp_slam.processes import Deaths, end_with_parent
 from rbpf_svgp_slam.protocol import names
 
 POLL_S = 0.5
@@ -31,7 +31,11 @@ ALL = "all"
 
 
 def start_map_nodes(arguments: Sequence[str]) -> int | str:
-    """Run this host's map nodes until one ends or we are told to; returns what sys.exit() takes."""
+    """Run this host's map nodes until one ends or we are told to; returns what sys.exit() takes.
+
+    One that a signal has ended is started again, and learns its maps from the core's log; but not
+    in an offline replay, which is to be the same every time.
+    """
     options = _parse(arguments)
     # roslaunch stops a node by SIGINT, then SIGTERM: both must reach the children, SIGINT also
     # where a script in the background has had it ignored
@@ -45,7 +49,7 @@ def start_map_nodes(arguments: Sequence[str]) -> int | str:
         indices = share_of_host(options.first, options.count, nodes)
         _check_not_running(indices)
         children.update((index, _start(index)) for index in indices)
-        return f"svgp_nodes: {_watch(children)}"
+        return f"svgp_nodes: {_watch(children, start_again=not _is_offline())}"
     except ParameterError as error:
         return f"svgp_nodes: {error}"
     except KeyboardInterrupt:
@@ -95,19 +99,39 @@ def _wait_for_core() -> None:
         time.sleep(POLL_S)
 
 
-def _watch(children: Mapping[int, subprocess.Popen]) -> str:
+def _is_offline() -> bool:
+    """Map nodes and replay take turns."""
+    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), names.TAKE_TURNS)
+    try:
+        return bool(rosgraph.Master("/svgp_nodes").getParam(name))
+    except (rosgraph.MasterError, OSError):
+        return False
+
+
+def _watch(children: dict[int, subprocess.Popen], start_again: bool) -> str:
     """Waits until a node ends or is of no use any more; says which and why.
+
+    start_again: those that a signal has ended, in whose place children then has the new ones.
 
     A master that has been started again, with another core, does not know the nodes: that core
     would feed them and never find them.
     """
     registered: set[int] = set()
-    for index in itertools.cycle(children):
+    deaths = {index: Deaths(names.map_node(index)) for index in children}
+    for index in itertools.cycle(list(children)):
         time.sleep(POLL_S)
         ended = [k for k, child in children.items() if child.poll() is not None]
         if ended:
             index = ended[0]
-            break
+            status = children[index].returncode
+            if status >= 0 or not start_again:
+                break
+            told = deaths[index].add(status)
+            if deaths[index].too_many:
+                return told
+            print(f"svgp_nodes: {told}, and learns its maps from the log", flush=True)
+            children[index] = _start(index)
+            continue
         try:
             uri = _uri_of(names.map_node(index))
         except ParameterError:  # the master, or the link to it, may come back

@@ -187,6 +187,7 @@ class MapNode:
 
     @answers_bad_requests(srv.CommitResamplingResponse)
     def _commit(self, request: srv.CommitResamplingRequest) -> srv.CommitResamplingResponse:
+        self._store.check_survey(request.survey)
         decide = self._store.commit if request.commit else self._store.abort
         decide(request.epoch)
         return srv.CommitResamplingResponse(success=True)
