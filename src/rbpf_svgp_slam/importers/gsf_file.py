@@ -1,7 +1,7 @@
 """GSF, the Generic Sensor Format: soundings that others have computed; big-endian.
 
-Source: Leidos, Generic Sensor Format specification, 98-16, version 03.09. Read here and not by
-libgsf, which does not say where a file is broken, and is there for few processors.
+Source: Leidos, libgsf, the Generic Sensor Format's own library (gsf_dec.c). Read here and not by
+it: it does not say where a file is broken, and its Python package, gsfpy, has it for x86-64 only.
 """
 
 from __future__ import annotations
@@ -185,7 +185,8 @@ def _add_navigation(recording: Recording, heads: np.ndarray, samples: list[np.nd
         tide_cm = _known(heads["tide_cm"], NO_CORRECTOR)
         recording.depths = Depths(time_s, 0.01 * (heads["corrector_cm"] + tide_cm))
         recording.assumed.append(
-            "the sonar as deep as the depth and tide correctors, which depths have in them, say"
+            "the sonar as deep as the depth and tide correctors, which depths have in them, say; "
+            "heave is in these"
         )
     recording.assumed += [
         "the positions are of the sonar, which the beams are given from",
