@@ -119,6 +119,10 @@ def test_what_the_user_knows_better(made_up, capfd):
     options += ["--antenna", 0, 10, 0, "--profile", profile]
     status, output, _ = run(capfd, made_up / "s.kmall", "--out", out, *options)
     assert status == 0 and "a profile of 2 depths to 100 m" in output
+    assert "contradicts" not in output
+    profile.write_text("0 1490\n100 1500\n")
+    _, output, _ = run(capfd, made_up / "s.kmall", "--out", made_up / "other.bag", *options)
+    assert "uppermost speed, 1490.0 m/s, contradicts that" in output
     [mount] = messages(out, "/tf_static")
     translation = mount.transforms[0].transform.translation
     assert (translation.x, translation.y, translation.z) == (0, -3, -5)

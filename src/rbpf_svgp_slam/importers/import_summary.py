@@ -112,6 +112,12 @@ def _water(recording: Recording) -> str:
     water = "no profile: rays are straight"
     if profile is not None:
         water = f"a profile of {len(profile.depth_m)} depths to {profile.depth_m[-1]:.0f} m"
+        uppermost_mps = profile.speed_mps[0]
+        if max(abs(speed_mps - uppermost_mps) for speed_mps in speeds_mps) > CONTRADICTS_MPS:
+            water += (
+                f", whose uppermost speed, {uppermost_mps:.1f} m/s, contradicts that: is it of "
+                "this survey?"
+            )
     return f"sound at the array {min(speeds_mps):.1f} to {max(speeds_mps):.1f} m/s; {water}"
 
 
