@@ -13,7 +13,7 @@ namespace {
 // Beyond these a value is a slip, and would cost memory, time or the sense of a sum.
 constexpr double kFarthest_m = 1e7;
 constexpr double kLargestNoise_m = 100.0;  // of a vehicle's motion, per sqrt(s)
-constexpr double kLongest_s = 1e9;
+constexpr double kLongest_s = 1e10;
 constexpr double kFastest_mps = 1e4;
 constexpr double kFastestTurn_radps = 100.0;
 constexpr double kWidest_rad = 2.0 * M_PI;

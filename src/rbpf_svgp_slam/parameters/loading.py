@@ -100,14 +100,14 @@ RULES = {
     "survey_origin": place(),
     "survey_epsg": epsg_code(),
     "frames/map": name(),
-    "resampling/timeout_s": between(0.1, 1e9),
+    "resampling/timeout_s": between(0.1, 1e10),
     "map/threads": integer(1, 256),
     "map/resolution_m": between(0.001, 1e7),
-    "map/publish_period_s": between(0.0, 1e9),
-    "output/final_training_s": between(0.0, 1e9),
+    "map/publish_period_s": between(0.0, 1e10),
+    "output/final_training_s": between(0.0, 1e10),
     "output/publish_rate_hz": between(0.01, 100.0),
     "output/figures": of_type(bool),
-    "output/time_lapse_period_s": between(0.0, 1e9),
+    "output/time_lapse_period_s": between(0.0, 1e10),
 }
 RECORDER_RULES = {
     "out": absolute_path("of the run folder"),
