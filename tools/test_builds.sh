@@ -8,10 +8,9 @@ root=$PWD
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 # None: this is about the build's description, not about the program's speed or its debugging.
-# ccache: what catkin has compiled, colcon need not compile again. Unity: headers, which without
-# optimisation take nearly all of the time, are compiled once for every eight files.
+# ccache: what catkin has compiled, colcon need not compile again.
 options=(-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF -DCMAKE_BUILD_TYPE=None
-  -DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_UNITY_BUILD=ON)
+  -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 export CCACHE_DIR=$root/build/ccache
 
 mkdir -p "$work/catkin/src/rbpf_svgp_slam" "$work/colcon/src/rbpf_svgp_slam"

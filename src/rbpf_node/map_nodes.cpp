@@ -55,7 +55,7 @@ void takeIn(const std::string& name, const PredictBeams::Request& request,
 
 // Throws if any call failed.
 template <typename Service>
-void expectSuccess(const std::vector<Answer<Service>>& answers) {
+void expectSuccess(const std::vector<CallAnswer<Service>>& answers) {
   if (const std::string errors = errorsOf(answers); !errors.empty()) {
     throw std::runtime_error(errors);
   }

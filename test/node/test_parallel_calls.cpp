@@ -13,12 +13,12 @@ struct Service {
 };
 
 TEST(ErrorsOf, IsEmptyWhenAllWentWell) {
-  EXPECT_EQ(errorsOf(std::vector<Answer<Service>>()), "");
-  EXPECT_EQ(errorsOf(std::vector<Answer<Service>>(3)), "");
+  EXPECT_EQ(errorsOf(std::vector<CallAnswer<Service>>()), "");
+  EXPECT_EQ(errorsOf(std::vector<CallAnswer<Service>>(3)), "");
 }
 
 TEST(ErrorsOf, NamesEveryoneWhoFailed) {
-  const std::vector<Answer<Service>> answers = {
+  const std::vector<CallAnswer<Service>> answers = {
       {{}, "svgp_node_0 cannot be reached"}, {{}, ""}, {{}, "svgp_node_2: out of memory"}};
   EXPECT_EQ(errorsOf(answers), "svgp_node_0 cannot be reached; svgp_node_2: out of memory");
 }
