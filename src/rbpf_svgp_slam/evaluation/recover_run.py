@@ -17,7 +17,7 @@ from rbpf_svgp_slam.exports.after_run import export_after_run
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.run.run_files import load_run, save_run
 from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
-from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum
+from rbpf_svgp_slam.run.tracks import GROUND_TRUTH_GAP_S, interpolate_poses, read_tum
 from rbpf_svgp_slam.survey_area.grid import cell_centres
 
 _DESCRIPTION = """Make the run folder of a survey that was interrupted, from its journal.
@@ -28,8 +28,6 @@ parameters.yaml, report.json and report.html, and for a map the seabed that the 
 the particles' own maps are lost. DIR/ground_truth.tum, if it is there, is taken to score the track.
 The journal stays as it is: the survey can still be resumed, by slam.launch resume:=DIR."""
 
-#: Of ground truth; a longer gap is not bridged.
-_GAP_S = 5.0
 #: In the report of a recovered run: the journal that it is made of. Such a run may be made again.
 _MARK = "recovered_from"
 
@@ -128,7 +126,7 @@ def _ground_truth(path: Path, stamp_s: np.ndarray) -> np.ndarray | None:
     """Poses [P, 6] at the pings, NaN where none are near; none without a file."""
     if not path.is_file():
         return None
-    return interpolate_poses(*read_tum(path), stamp_s, _GAP_S)
+    return interpolate_poses(*read_tum(path), stamp_s, GROUND_TRUTH_GAP_S)
 
 
 def _refuse_to_overwrite(out_dir: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rbpf_svgp_slam.run.tracks import interpolate_poses, write_tum
+from rbpf_svgp_slam.run.tracks import GROUND_TRUTH_GAP_S, interpolate_poses, write_tum
 
 #: Where a message of each type has its pose. Others are refused.
 POSE_OF: dict[str, Callable[[Any], Any]] = {
@@ -20,8 +20,6 @@ POSE_OF: dict[str, Callable[[Any], Any]] = {
 }
 #: Of the quaternion's norm: messages carry rounded numbers.
 NORM_TOLERANCE = 0.01
-#: A longer gap is not bridged: the pings in it have no ground truth.
-GAP_S = 5.0
 
 
 class GroundTruth:
@@ -62,7 +60,7 @@ class GroundTruth:
         track = self.track()
         if track is None:
             return None
-        return interpolate_poses(track[:, 0], track[:, 1:], stamp_s, GAP_S)
+        return interpolate_poses(track[:, 0], track[:, 1:], stamp_s, GROUND_TRUTH_GAP_S)
 
     def thinned(self, most: int) -> list[tuple[float, float, float, float]]:
         """Stamp x y z of at most about so many poses, in the order in which they came."""

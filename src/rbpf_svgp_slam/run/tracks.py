@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+#: A longer gap of the ground truth is not bridged: the pings in it have none.
+GROUND_TRUTH_GAP_S = 5.0
 _EULER = "xyz"  # lower case: rotations about fixed axes, roll first
 _TUM_FIELDS = "stamp_s x y z qx qy qz qw"
 _UNIT_TOLERANCE = 1e-3  # TUM files of other tools keep as few as four decimals
