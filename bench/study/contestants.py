@@ -13,7 +13,8 @@ from rbpf_svgp_slam.nested import merged
 from rbpf_svgp_slam.parameters.known import config_folder
 
 ALONE = {"smoothing": {"period_s": 0.0}}
-_ONE_NODE = {"nodes": 1}
+#: A study draws its own figures.
+_ONE_NODE = {"nodes": 1, "output": {"figures": False}}
 
 
 def _shipped(name: str) -> dict[str, Any]:
