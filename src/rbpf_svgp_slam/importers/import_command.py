@@ -14,7 +14,7 @@ from typing import Sequence
 import numpy as np
 
 from rbpf_svgp_slam.bags.survey_bag import write_bag
-from rbpf_svgp_slam.importers.formats import read_sonar_file
+from rbpf_svgp_slam.importers.formats import is_of_water, read_sonar_file
 from rbpf_svgp_slam.importers.degrade import scaled
 from rbpf_svgp_slam.importers.import_summary import overlay_text, summary
 from rbpf_svgp_slam.importers.sonar_recording import Installation, Recording, SoundSpeedProfile
@@ -67,6 +67,8 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     profile = "sound speed: a text file, a line for each depth (m) and speed (m/s)"
     add("--profile", type=Path, metavar="F.txt", help=profile)
     degrade = "make drifting dead reckoning of the navigation, which becomes ground_truth"
+    cut_off = "import what comes before the end of a file that is cut off"
+    add("--keep-cut-off", action="store_true", help=cut_off)
     add("--degrade-odometry", type=int, metavar="SEED", help=degrade)
     drift = "its drift, as many times that of simulate_survey.py (default 1)"
     add("--drift", type=float, default=1.0, metavar="TIMES", help=drift)
@@ -76,7 +78,7 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
 def _run(options: argparse.Namespace) -> None:
     _check(options)
     started_s = time.monotonic()
-    recordings = [_with_options(read_sonar_file(path), options) for path in options.files]
+    recordings = [_with_options(_read(path, options), options) for path in options.files]
     recordings.sort(key=lambda recording: recording.start_s)
     origin_deg = tuple(options.origin) if options.origin else _default_origin(recordings[0])
     degradation = None
@@ -90,6 +92,16 @@ def _run(options: argparse.Namespace) -> None:
     overlay = options.out.with_suffix(".survey.yaml")
     overlay.write_text(overlay_text(options.out, overlay, survey), encoding="utf-8")
     print(summary(options.out, recordings, survey, time.monotonic() - started_s))
+
+
+def _read(path: Path, options: argparse.Namespace) -> Recording:
+    recording = read_sonar_file(path)
+    if recording.cut_off and not options.keep_cut_off:
+        raise ImportProblem(
+            f"{path}: {recording.cut_off}, expected all of it; --keep-cut-off imports what comes "
+            "before"
+        )
+    return recording
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -145,16 +157,17 @@ def _both_arrays(installation: Installation, values: dict[str, float]) -> Instal
 
 def read_profile(path: Path) -> SoundSpeedProfile:
     """Two columns, depth in m and sound speed in m/s. Raises ImportProblem."""
-    expected = "two columns of numbers, increasing depths in m and sound speeds in m/s"
+    expected = "two columns: depths from 0, increasing, in m; sound speeds, 1300 to 1800 m/s"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy's, of an empty file
             depth_m, speed_mps = np.loadtxt(path, ndmin=2).T
     except ValueError as error:
         raise ImportProblem(f"{path}: {error}, expected {expected}") from error
-    if not (len(depth_m) and (np.diff(depth_m) > 0).all() and (speed_mps > 0).all()):
+    profile = SoundSpeedProfile(depth_m, speed_mps)
+    if not is_of_water(profile) or depth_m[0] < 0:
         raise ImportProblem(f"{path}: depths {depth_m}, speeds {speed_mps}, expected {expected}")
-    return SoundSpeedProfile(depth_m, speed_mps)
+    return profile
 
 
 def _default_origin(recording: Recording) -> tuple[float, float]:
