@@ -155,6 +155,15 @@ MISTAKES = {
     "rate": (["--rate", "0"], "rate is 0.0, expected 1 to 1000 Hz"),
     "seed": (["--degrade-odometry", "-1"], "degrade_odometry is -1, expected a seed from 0"),
     "sonar": (["--sonar", "nan", "0", "0"], "sonar is .nan, .*expected finite numbers"),
+    "arm": (["--sonar", "0", "1e4", "0"], "s.kmall: transmitter at .* 10000.0.* within 500 m"),
+    "waterline": (
+        ["--waterline", "1e9"],
+        "s.kmall: waterline at .*expected finite numbers, within",
+    ),
+    "far": (
+        ["--origin", "20", "60"],
+        r"origin is \[20.0, 60.0\], 5.* km .* 60.0000, 20.0000, expect",
+    ),
     "origin": (["--origin", "100", "0"], "origin is 100.0, 0.0, expected a latitude within ±90°"),
 }
 
@@ -221,6 +230,14 @@ def test_mistakes_in_files(made_up, capfd):
     other.write_bytes((made_up / "s.kmall").read_bytes().replace(b"Z=1.0;", b"Z=2.0;"))
     status, _, problems = run(capfd, made_up / "s.kmall", other, *out)
     assert status == 2 and "has another installation than" in problems
+    assert "(transmitter Placed(" in problems and "waterline_m" not in problems
+    other.write_bytes((made_up / "s.kmall").read_bytes().replace(b"Z=1.0;", b"Z=nan;"))
+    status, _, problems = run(capfd, other, *out)
+    assert status == 2 and "other.kmall: transmitter at (0.0, 0.0, nan" in problems
+    itself = made_up / "kmall.bag"
+    (made_up / "s.kmall").rename(itself)
+    status, _, problems = run(capfd, itself, "--out", itself)
+    assert status == 2 and "expected another file than those to be imported" in problems
 
 
 def test_navigation_is_degraded_by_the_seed_and_kept_as_ground_truth(made_up, capfd):
