@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -178,37 +177,15 @@ def test_launch_files_go_on_with_the_overlay(outsider, capfd):
     assert "0 errors" in yaml.safe_load(parameters)["/rbpf_core/bag_check"]
 
 
-# The document
-
-
-def blocks(kind):
-    """Blocks of code that are marked as of a kind; commands are not.
-
-    test_import_survey.py has those of the section on sonars' files.
-    """
-    flags = re.MULTILINE | re.DOTALL
-    text = re.sub(r"^## A sonar's own files.*?(?=^## )", "", DOCUMENT.read_text(), flags=flags)
-    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", text, flags)
-    return [text for its_kind, text in fenced if its_kind == kind]
-
-
-def test_every_command_of_the_document_works(placed_folder, tmp_path):
-    write_outsider_bag(tmp_path / "survey.bag", duration_s=30.0, beams=64)
-    shutil.copytree(placed_folder, tmp_path / "out")  # in place of the run that is not started
-    commands = [line for block in blocks("") for line in block.splitlines()]
-    assert len(commands) == 5
-    for line in commands:
-        # the document's topics are not the bag's; and nothing is started
-        line = line.replace("/nav/odometry", ODOMETRY).replace("roslaunch ", "roslaunch --files ")
-        subprocess.run(["bash", "-c", line], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
-    assert (tmp_path / "survey.check.yaml").is_file()
-    assert (tmp_path / "out" / "export" / "seabed.tif").is_file()
+# The document, whose commands test_surveys.py and test_import_survey.py run
 
 
 def test_a_mount_is_added_as_the_document_says(tmp_path, capfd, monkeypatch):
     write_outsider_bag(tmp_path / "survey.bag", duration_s=2.0, beams=16, mount=False)
     monkeypatch.chdir(tmp_path)
-    (program,) = blocks("python")
+    [program] = re.findall(
+        r"^```python\n(.*?)^```$", DOCUMENT.read_text(), re.MULTILINE | re.DOTALL
+    )
     exec(compile(program, str(DOCUMENT), "exec"), {})
     status, output, _ = run(capfd, "with_mount.bag")
     assert status == 0 and "'norbit' at x 0.30, y 0.00, z -0.60 m" in output

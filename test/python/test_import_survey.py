@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -293,7 +292,7 @@ def test_any_bag_is_degraded(tmp_path, capfd):
 
 
 def test_the_document_s_commands(tmp_path, capfd, monkeypatch):
-    """Of the R2Sonic clip, as docs/your_survey.md has them."""
+    """Of the R2Sonic clip, as docs/your_survey.md has them; test_surveys.py launches the rest."""
     clip = SHARED / "r2sonic2026.xtf"
     if not clip.exists():
         pytest.skip(f"no sonar file at {clip}")
@@ -311,12 +310,6 @@ def test_the_document_s_commands(tmp_path, capfd, monkeypatch):
         assert programs[name](arguments) == 0, name
     output = capfd.readouterr().out
     assert "beams agree within 0.094 m" in output and "beams agree within 0.019 m" in output
-    [overlay] = re.findall(r"^```yaml\n(.*?)^```$", section(), re.MULTILINE | re.DOTALL)
-    (tmp_path / "mapping.yaml").write_text(overlay)
-    [command] = re.findall(r"^roslaunch .*$", section(), re.MULTILINE)
-    # the bag is checked, and nothing is started: the mapping takes a minute
-    command = command.replace("roslaunch ", "roslaunch --files ")
-    subprocess.run(["bash", "-c", command], check=True, stdout=subprocess.DEVNULL)
 
 
 def test_an_offline_replay_degrades_the_bag_before_it_begins():

@@ -28,8 +28,10 @@ from rbpf_svgp_slam.run.tracks import read_tum
 
 PACKAGE = Path(rospkg.RosPack().get_path("rbpf_svgp_slam"))
 sys.path.insert(0, str(PACKAGE / "test" / "python"))
-from outsider_bag import write_outsider_bag  # noqa: E402
+import sonar_files  # noqa: E402
+from outsider_bag import ODOMETRY, TRUTH, write_outsider_bag  # noqa: E402
 
+DOCUMENT = (PACKAGE / "docs" / "your_survey.md").read_text()
 REPORT_FIELDS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s real_time_factor "
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
@@ -84,6 +86,12 @@ def running_launch(file, *args):
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
                 process.wait()
+
+
+def commands_of(text):
+    """The lines of the blocks of code that have no kind."""
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    return [line for kind, block in blocks if not kind for line in block.splitlines()]
 
 
 def pid_of(node):
@@ -175,26 +183,69 @@ class Surveys(unittest.TestCase):
         )
         self.assertEqual(report["pings"], pings)
 
-    def test_an_outsider_s_bag_needs_no_more_than_the_check(self):
-        bag = Path(self.folder.name) / "outsider.bag"
-        write_outsider_bag(bag, beams=64)
-        checked = subprocess.run(
-            ["rosrun", "rbpf_svgp_slam", "check_bag.py", bag], capture_output=True, text=True
-        )
-        self.assertEqual(checked.returncode, 0, checked.stdout + checked.stderr)
-        command = shlex.split(checked.stdout.splitlines()[-1])
+    def test_an_outsider_s_bag_goes_the_document_s_way(self):
+        folder = Path(self.folder.name) / "outsider"
+        folder.mkdir()
+        write_outsider_bag(folder / "survey.bag", beams=64)
+        before, rest = DOCUMENT.split("## A sonar's own files\n")
+        commands = commands_of(before + rest.split("\n## ", 1)[1])
+        self.assertEqual(len(commands), 5)
         # SMALL only saves time; its noise is not what the overlay says
-        effort = Path(self.folder.name) / "effort.yaml"
-        effort.write_text(yaml.safe_dump({k: v for k, v in SMALL.items() if k != "motion"}))
-        status, output = launch(*command[2:], f"survey:={effort}")
-        self.assertEqual(status, 0, output)
-        report = json.loads((bag.with_suffix("") / "report.json").read_text())
+        effort = {k: v for k, v in SMALL.items() if k != "motion"}
+        (folder / "effort.yaml").write_text(yaml.safe_dump(effort))
+        more = f"survey:=$PWD/effort.yaml ground_truth_topic:={TRUTH}"
+        for command in commands:
+            command = command.replace("/nav/odometry", ODOMETRY)
+            if command.startswith("roslaunch "):
+                documented, command = shlex.split(command), f"{command} {more}"
+            output = self.run_documented(command, folder)
+            if " check_bag.py survey.bag survey.check.yaml" in command:
+                printed = shlex.split(output.splitlines()[-1])
+        # of another folder, and by whole names
+        written = [word.replace("$PWD", str(folder)) for word in documented if "out:" not in word]
+        self.assertEqual(sorted(set(written) - set(printed)), [])
+        self.assertTrue((folder / "out" / "export" / "seabed.tif").is_file())
+        report = json.loads((folder / "out" / "report.json").read_text())
         self.assertEqual(report["pings"], 416, output)  # every twelfth of 5000 odometry messages
         self.assertEqual(report["velocity_source"], "pose")
         self.assertEqual(report["refused"], {})
         # 0.06 m per sqrt(s) over 100 s
         self.assertLess(report["ate_rmse_m"], 2.0)
         self.assertGreater(report["loop_closure_prompts"], 0, output)
+
+    def test_a_sonar_s_file_is_mapped_the_document_s_way(self):
+        folder = Path(self.folder.name) / "sonar"
+        folder.mkdir()
+        # in place of the clip: 15 s are enough to see that all works
+        (folder / "clip.xtf").write_bytes(sonar_files.xtf(15.0))
+        section = DOCUMENT.split("## A sonar's own files\n")[1].split("\n## ")[0]
+        [overlay] = re.findall(r"^```yaml\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
+        (folder / "mapping.yaml").write_text(f"{overlay}output: {{figures: false}}\n")
+        commands = commands_of(section)
+        mapping, drifting = (c for c in commands if c.startswith("roslaunch "))
+        self.run_documented(commands[0], folder)
+        self.run_documented(mapping, folder)
+        with np.load(folder / "clip" / "map.npz") as grid:
+            median_m = np.nanmedian(grid["mean"])
+        # a flat seabed; the travel time comes in microseconds
+        self.assertAlmostEqual(median_m, -sonar_files.DEPTH_M, delta=0.02)
+        self.assertTrue((folder / "clip" / "export" / "seabed.bag").is_file())
+        self.setUp()  # parameters
+        effort = {**SMALL, "output": {**SMALL["output"], "figures": False}}
+        with (folder / "clip.survey.yaml").open("a") as survey:
+            survey.write(yaml.safe_dump(effort))
+        self.run_documented(drifting, folder)
+        report = json.loads((folder / "drifting" / "report.json").read_text())
+        # 0.08 m per sqrt(s) along and across: the good navigation is the ground truth
+        self.assertTrue(0.01 < report["dr_ate_rmse_m"] < 2.0)
+        self.assertIsNotNone(report["ate_rmse_m"])
+
+    def run_documented(self, command, folder):
+        """As a shell runs it there; its output."""
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        done = subprocess.run(["bash", "-c", command], cwd=folder, timeout=120, **pipes)
+        self.assertEqual(done.returncode, 0, f"{command}\n{done.stdout}")
+        return done.stdout
 
     def test_the_other_ways_to_learn(self):
         for name, changes in (

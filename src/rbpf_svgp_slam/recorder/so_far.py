@@ -55,7 +55,7 @@ class SoFar:
         so_far = replace(recording, wall_s=now_s - (recording.started_s or now_s))
         run = assemble_run(so_far, self._bag, is_over=False)
         save_run(run, so_far.out_dir)
-        write_report(run, so_far.out_dir)
+        write_report(run, so_far.out_dir, figures=so_far.parameters.output.figures)
         return f"{len(run.stamp_s)} pings, {len(run.levelled)} beams written to {so_far.out_dir}"
 
     def _export(self, recording: Recording) -> str:
