@@ -216,8 +216,8 @@ class Surveys(unittest.TestCase):
     def test_a_sonar_s_file_is_mapped_the_document_s_way(self):
         folder = Path(self.folder.name) / "sonar"
         folder.mkdir()
-        # in place of the clip: 15 s are enough to see that all works
-        (folder / "clip.xtf").write_bytes(sonar_files.xtf(15.0))
+        # in place of the clip; a model is learned from 4000 beams or more, of 31 a ping
+        (folder / "clip.xtf").write_bytes(sonar_files.xtf(40.0))
         section = DOCUMENT.split("## A sonar's own files\n")[1].split("\n## ")[0]
         [overlay] = re.findall(r"^```yaml\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
         (folder / "mapping.yaml").write_text(f"{overlay}output: {{figures: false}}\n")
