@@ -75,7 +75,7 @@ class Study:
             return
         bag = make_survey(case, seed, self._out)
         for contestant in missing:
-            folder = self._out / f"{case.name}_{seed}" / contestant
+            folder = self._out / f"{case.name}_{seed}" / contestant.replace("/", ".")
             row = {"case": case.name, "seed": seed, "contestant": contestant}
             self._keep({**row, **replay(contestant, seed, bag, folder)})
         for path in self._out.glob(f"{bag.stem}.*"):
@@ -108,7 +108,13 @@ def _parse() -> argparse.Namespace:
         metavar="CASE",
         help="names such as base, rippled, cheap+outliers5; all",
     )
-    add("--contestants", nargs="+", default=["gmrf100"], metavar="NAME")
+    add(
+        "--contestants",
+        nargs="+",
+        default=["gmrf100"],
+        metavar="NAME",
+        help="such as paper, gmrf100, gmrf100,lc/effective_beams=8",
+    )
     add("--seeds", type=int, default=10, metavar="K")
     add("--first-seed", type=int, default=FIRST_SEED, metavar="N")
     add("--jobs", type=int, default=1, metavar="N", help="surveys at once")
