@@ -11,7 +11,7 @@ from rbpf_svgp_slam.charts import s44
 from rbpf_svgp_slam.charts.charted_seabed import charted_seabed
 from rbpf_svgp_slam.charts.uncertainty import total_variance
 from rbpf_svgp_slam.figures import chart_figures, chart_marks
-from rbpf_svgp_slam.figures.figure_style import STYLE
+from rbpf_svgp_slam.figures.figure_style import STYLE, draw_grid, map_axes
 from rbpf_svgp_slam.figures.report_figures import to_png
 
 
@@ -66,6 +66,16 @@ def test_a_chart_with_a_place_is_in_its_crs_north_up(few):
     wrong = without(few, config={"survey_origin": ORIGIN_DEG, "survey_epsg": 4326})
     [axes] = views(chart_figures.depth_chart(wrong, None)[0])
     assert axes.get_xlabel() == "x (m)"
+
+
+def test_a_narrow_survey_has_room_for_labels_and_marks():
+    """As of a ship that lies alongside: its swath is a line."""
+    axes = Figure().add_subplot()
+    draw_grid(axes, np.arange(2.0), np.arange(32.0), np.zeros((2, 32)))
+    map_axes(axes, "Depth")
+    assert axes.get_ylim() == (-0.5, 31.5)
+    # 32 m by 2.5, about the middle
+    assert axes.get_xlim() == pytest.approx((0.5 - 6.4, 0.5 + 6.4))
 
 
 def test_contours_are_at_round_depths_and_labelled_with_them():

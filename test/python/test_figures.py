@@ -7,7 +7,9 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from PIL import Image
 from made_up_survey import OF_PINGS, lawn_mower, make_run, without
 
@@ -149,12 +151,31 @@ def test_slopes_that_face_the_sun_are_lit_and_others_in_shadow():
 
 
 def test_elongated_surveys_stack_and_square_ones_stand_side_by_side(run):
-    def shape(size_x, size_y):
+    def shape(size_x, size_y, panels=2):
         grid = GridMap(np.arange(size_x), np.arange(size_y), np.zeros((size_x, size_y)))
-        return figure_style.map_subplots(without(run, map=grid), 2)[1].shape
+        figure, axes = figure_style.map_subplots(without(run, map=grid), panels)
+        assert figure.get_figheight() <= 11.5
+        return axes.shape
 
     assert shape(300, 60) == (2, 1)
     assert shape(100, 100) == shape(60, 300) == (1, 2)
+    assert shape(300, 60, 4) == (4, 1)
+    # four tall ones in a row would be too narrow for labels and bars
+    assert shape(100, 100, 4) == shape(60, 300, 4) == (2, 2)
+
+
+def test_shadows_end_with_the_seabed():
+    axes = Figure(figsize=(2, 2)).add_axes([0, 0, 1, 1])
+    z = -0.3 * np.add.outer(np.arange(8.0) ** 2, np.arange(8.0))
+    z[4:] = np.nan
+    look = {"cmap": "gray", "vmin": -30, "vmax": 0, "interpolation": "bilinear"}
+    figure_style.draw_grid(axes, np.arange(8.0), np.arange(8.0), z, relief=True, **look)
+    axes.set(facecolor=figure_style.UNKNOWN_COLOUR)
+    FigureCanvasAgg(axes.figure).draw()
+    pixels = np.asarray(axes.figure.canvas.buffer_rgba())[10:-10, 10:-10, :3]  # without spines
+    middle, unknown = pixels.shape[1] // 2, pixels[5, -5]
+    assert (pixels[:, middle + 2 :] == unknown).all()
+    assert (pixels[:, : middle - 2] != unknown).any(axis=-1).mean() > 0.9
 
 
 # Bathymetry as measured

@@ -135,12 +135,18 @@ def test_what_the_user_knows_better(made_up, capfd):
     assert first[1] == pytest.approx(east_m - 10, abs=0.1)
 
 
-def test_a_file_that_is_cut_off_is_told(made_up, capfd):
-    path = made_up / "s.kmall"
-    path.write_bytes(path.read_bytes()[:-10])
-    status, output, _ = run(capfd, path, "--out", made_up / "s.bag")
-    assert status == 0
-    assert re.search(r"CUT OFF +at byte \d+: \d+ bytes of a #MRZ of \d+; all before", output)
+def test_a_file_that_is_cut_off_is_refused_or_kept_as_far_as_it_goes(made_up, capfd):
+    path, out = made_up / "s.kmall", made_up / "s.bag"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-10])
+    status, _, problems = run(capfd, path, "--out", out)
+    assert status == 2 and not out.exists()
+    last = whole.rindex(b"#MRZ") - 4
+    left = rf"at byte {last}: {len(whole) - 10 - last} bytes of a #MRZ of {len(whole) - last}"
+    assert re.search(rf"s\.kmall: {left}, expected all of it; --keep-cut-off", problems), problems
+    status, output, _ = run(capfd, path, "--out", out, "--keep-cut-off")
+    assert status == 0 and re.search(rf"CUT OFF +{left}; all before", output)
+    assert len(messages(out, "/mbes/pings")) == 29
 
 
 MISTAKES = {
@@ -149,6 +155,15 @@ MISTAKES = {
     "rate": (["--rate", "0"], "rate is 0.0, expected 1 to 1000 Hz"),
     "seed": (["--degrade-odometry", "-1"], "degrade_odometry is -1, expected a seed from 0"),
     "sonar": (["--sonar", "nan", "0", "0"], "sonar is .nan, .*expected finite numbers"),
+    "arm": (["--sonar", "0", "1e4", "0"], "s.kmall: transmitter at .* 10000.0.* within 500 m"),
+    "waterline": (
+        ["--waterline", "1e9"],
+        "s.kmall: waterline at .*expected finite numbers, within",
+    ),
+    "far": (
+        ["--origin", "20", "60"],
+        r"origin is \[20.0, 60.0\], 5.* km .* 60.0000, 20.0000, expect",
+    ),
     "origin": (["--origin", "100", "0"], "origin is 100.0, 0.0, expected a latitude within ±90°"),
 }
 
@@ -204,7 +219,10 @@ def test_mistakes_in_files(made_up, capfd):
     status, _, problems = run(capfd, made_up, *out)
     assert status == 2 and "a folder, expected a file of a sonar" in problems
     profile = made_up / "profile.txt"
-    for text in ("depth speed\n", "0 1500 3\n", "5 1500\n0 1500\n", ""):
+    for text in (
+        *("depth speed\n", "0 1500 3\n", "5 1500\n0 1500\n", ""),
+        *("0 1500\n9 inf\n", "0 nan\n9 1500\n", "0 15.0\n9 15.1\n", "-9 1500\n0 1500\n"),
+    ):
         profile.write_text(text)
         status, _, problems = run(capfd, made_up / "s.all", *out, "--profile", profile)
         assert status == 2 and "profile.txt" in problems and "two columns" in problems
@@ -212,6 +230,14 @@ def test_mistakes_in_files(made_up, capfd):
     other.write_bytes((made_up / "s.kmall").read_bytes().replace(b"Z=1.0;", b"Z=2.0;"))
     status, _, problems = run(capfd, made_up / "s.kmall", other, *out)
     assert status == 2 and "has another installation than" in problems
+    assert "(transmitter Placed(" in problems and "waterline_m" not in problems
+    other.write_bytes((made_up / "s.kmall").read_bytes().replace(b"Z=1.0;", b"Z=nan;"))
+    status, _, problems = run(capfd, other, *out)
+    assert status == 2 and "other.kmall: transmitter at (0.0, 0.0, nan" in problems
+    itself = made_up / "kmall.bag"
+    (made_up / "s.kmall").rename(itself)
+    status, _, problems = run(capfd, itself, "--out", itself)
+    assert status == 2 and "expected another file than those to be imported" in problems
 
 
 def test_navigation_is_degraded_by_the_seed_and_kept_as_ground_truth(made_up, capfd):

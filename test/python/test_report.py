@@ -161,7 +161,7 @@ def test_the_report_begins_with_what_a_hydrographer_asks(run, folder):
     assert sum(report["s44_order_shares"].values()) == pytest.approx(1)
     assert report["crs"] is None and report["map_turned_by_deg"] is None
     text = (folder[0] / "report.html").read_text()
-    assert "local frame, without survey_origin" in text and "EPSG" not in text
+    assert "local frame, without survey_origin" in text and "EPSG:" not in text
     assert text.index("area surveyed") < text.index("Order of S-44") < text.index("position error")
 
 

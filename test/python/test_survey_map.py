@@ -106,3 +106,15 @@ def test_beams_far_from_all_others_do_no_harm():
     mean, _ = SurveyMap(beams, 1.0, np.zeros(2)).predict(xy)
     known = np.isfinite(mean)
     assert known.mean() > 0.98 and rmse(mean[known] - seabed(xy[known])) < NOISE_M
+
+
+def test_beside_a_line_of_beams_along_a_wall_nothing_is_known():
+    """As of a ship alongside a quay: which way the wall leans the beams say, how far nobody."""
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(0.44, 0.46, 20_000), rng.uniform(0.0, 30.0, 20_000)
+    wall = y < 3.0
+    z = np.where(wall, -10.0 - 30.0 * (x - 0.44), -12.0) + 0.01 * rng.standard_normal(len(x))
+    seabed_map = SurveyMap(np.column_stack([x, y, z]), 1.0, np.zeros(2))
+    mean, variance = seabed_map.predict(np.array([[0.0, 1.0], [1.0, 1.0], [0.45, 20.0]]))
+    assert np.isnan(mean[:2]).all() and np.isnan(variance[:2]).all()
+    assert mean[2] == pytest.approx(-12.0, abs=0.05)

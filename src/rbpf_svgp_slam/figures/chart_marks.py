@@ -37,6 +37,7 @@ def draw_contours(axes: Axes, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> fl
         if not len(some):
             continue
         look = {"colors": _INK, "alpha": 0.75, "linewidths": width, "linestyles": "solid"}
+        look["corner_mask"] = False  # which would draw into cells that are masked
         drawn = axes.contour(x, y, surface, levels=some * interval_m, **look)
         if some is labelled:
             _label(axes, drawn)

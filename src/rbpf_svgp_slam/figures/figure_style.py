@@ -12,7 +12,7 @@ import matplotlib.cm
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap, ListedColormap, LogNorm
+from matplotlib.colors import Colormap, ListedColormap, LogNorm, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.ticker import LogLocator
@@ -88,6 +88,9 @@ LINE_MAP = ListedColormap(field_colour_map("dense", "plasma_r")(np.linspace(0.35
 
 MAX_CELLS = 2000  # along an axis; a finer grid than the picture's pixels is only slow
 _MAX_HEIGHT_IN = 11.5
+# Height over width of a map on the page: of a flatter one its axes are low, a taller one's are wide
+# enough for labels, scale bar and colour bar.
+_FLATTEST, _TALLEST = 0.12, 2.5
 _LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])  # towards the sun: north-west, 45° high
 _SHADING = 0.4  # opacity of the darkest shadow
 
@@ -108,12 +111,13 @@ def map_subplots(
     for columns in (n for n in range(1, panels + 1) if panels % n == 0):
         panel_in = (WIDTH_IN - 1.4) / columns - 0.1
         height_in = panels / columns * (panel_in * aspect + 0.3) + 0.5
-        if height_in <= max_height_in:
+        # Four tall maps in a row would have no room for their bars and labels.
+        if height_in <= max_height_in or columns**2 == panels:
             break
     if height_in > max_height_in:
         # A tall survey: no wider than its maps, their titles and colour bars.
         height_in = max_height_in
-        panel_in = (height_in - 0.5) / aspect
+        panel_in = ((height_in - 0.5) * columns / panels - 0.3) / aspect
         figure_in = columns * max(panel_in + 0.8, 2.3) + 0.6
     else:
         figure_in = WIDTH_IN
@@ -128,6 +132,8 @@ def map_axes(axes: Axes, title: str, labels: tuple[str, str] = ("x (m)", "y (m)"
     axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    spare = 0.5 * max((top - bottom) / _TALLEST - (right - left), 0.0)
+    left, right = axes.set_xlim(left - spare, right + spare)
     place_in = axes.get_position().size * axes.figure.get_size_inches()
     m_per_in = np.max([right - left, top - bottom] / place_in)
     # As many ticks as there is room for: three labels need an inch of width.
@@ -152,9 +158,15 @@ def draw_grid(
     """
     x, y, z = _coarser(x, y, z, -(-max(z.shape) // max_cells))
     style = {"origin": "lower", "extent": _extent(x, y), **style}
-    image = axes.imshow(np.ma.masked_invalid(z.T), **style)
-    if relief and min(z.shape) > 1:
-        axes.imshow(hill_shade(x, y, z).transpose(1, 0, 2), **style)
+    values = np.ma.masked_invalid(z.T)
+    if not relief or min(z.shape) < 2:
+        return axes.imshow(values, **style)
+    whole_cells = {**style, "interpolation": "nearest"}
+    # What is interpolated ends at the centres of the outer cells, and shadows go on beyond them.
+    axes.imshow(values, **whole_cells)
+    image = axes.imshow(values, **style)
+    axes.imshow(hill_shade(x, y, z).transpose(1, 0, 2), **style)
+    axes.imshow(to_rgba_array(UNKNOWN_COLOUR) * np.isnan(z.T)[..., None], **whole_cells)
     return image
 
 
@@ -276,4 +288,4 @@ def plan_aspect(run: SurveyRun) -> float:
     if not run.map.mean.size:
         return 1.0
     width, height = np.ptp(run.map.x), np.ptp(run.map.y)
-    return float(np.clip(height / width, 0.12, 2.5)) if width > 0 else 1.0
+    return float(np.clip(height / width, _FLATTEST, _TALLEST)) if width > 0 else 1.0

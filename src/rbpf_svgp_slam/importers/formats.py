@@ -11,7 +11,11 @@ from rbpf_svgp_slam.importers.all_file import is_all, read_all
 from rbpf_svgp_slam.importers.gsf_file import is_gsf, read_gsf
 from rbpf_svgp_slam.importers.kmall_file import is_kmall, read_kmall
 from rbpf_svgp_slam.importers.sonar_file import SonarFile
-from rbpf_svgp_slam.importers.sonar_recording import Positions, Recording
+from rbpf_svgp_slam.importers.sonar_recording import (
+    Positions,
+    Recording,
+    SoundSpeedProfile,
+)
 from rbpf_svgp_slam.importers.xtf_file import is_xtf, read_xtf
 
 #: Of sound in the sea, and in fresh water, with room.
@@ -48,15 +52,20 @@ def read_sonar_file(path: Path) -> Recording:
     return _plausible(file, recording)
 
 
+def is_of_water(profile: SoundSpeedProfile) -> bool:
+    """Whether depths increase and sound is as fast as in some water."""
+    depth_m, speed_mps = profile.depth_m, profile.speed_mps
+    if not len(depth_m) or not np.isfinite(depth_m).all() or (np.diff(depth_m) <= 0).any():
+        return False
+    return bool(((speed_mps > SPEEDS_MPS[0]) & (speed_mps < SPEEDS_MPS[1])).all())
+
+
 def _plausible(file: SonarFile, recording: Recording) -> Recording:
     """Without positions that are none, as receivers without a fix tell them."""
     profile = recording.profile
-    if profile is not None:
-        depth_m, speed_mps = profile.depth_m, profile.speed_mps
-        good = len(depth_m) and np.isfinite(depth_m).all() and (np.diff(depth_m) > 0).all()
-        if not (good and ((speed_mps > SPEEDS_MPS[0]) & (speed_mps < SPEEDS_MPS[1])).all()):
-            found = f"a sound speed profile of depths {depth_m}, speeds {speed_mps}"
-            raise file.error(0, found, "increasing depths, 1300 to 1800 m/s")
+    if profile is not None and not is_of_water(profile):
+        found = f"a sound speed profile of depths {profile.depth_m}, speeds {profile.speed_mps}"
+        raise file.error(0, found, "increasing depths, 1300 to 1800 m/s")
     places = recording.positions
     latitude_deg, longitude_deg = places.latitude_deg, places.longitude_deg
     good = (np.abs(latitude_deg) <= 90) & (np.abs(longitude_deg) <= 360)

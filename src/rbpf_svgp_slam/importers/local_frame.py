@@ -37,6 +37,10 @@ class LocalFrame:
         from_origin_m = self._geocentric(latitude_deg, longitude_deg) - self._origin_m
         return np.stack([from_origin_m @ self._east, from_origin_m @ self._north], axis=-1)
 
+    def distance_m(self, latitude_deg: float, longitude_deg: float) -> float:
+        """From the origin to a place, straight through the earth."""
+        return float(np.linalg.norm(self._geocentric(latitude_deg, longitude_deg) - self._origin_m))
+
     def _geocentric(self, latitude_deg: Any, longitude_deg: Any) -> np.ndarray:
         height_m = np.zeros_like(np.asarray(latitude_deg, float))
         return np.stack(

@@ -65,9 +65,14 @@ def merged(recordings: Sequence[Recording]) -> Recording:
     first = recordings[0]
     for other in recordings[1:]:
         if other.installation != first.installation:
+            differ = [
+                f"{name} {value}, {vars(first.installation)[name]}"
+                for name, value in vars(other.installation).items()
+                if value != vars(first.installation)[name]
+            ]
             raise ImportProblem(
-                f"{other.path} has another installation than {first.path} "
-                f"({other.installation}, {first.installation}), expected files of one survey"
+                f"{other.path} has another installation than {first.path} ({'; '.join(differ)}), "
+                "expected files of one survey"
             )
     has_depths = [one.depths is not None for one in recordings]
     if any(has_depths) and not all(has_depths):
