@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from bench.peers.peer_runs import PEERS
 from rbpf_svgp_slam.nested import merged
 from rbpf_svgp_slam.parameters.known import config_folder
 
@@ -41,5 +42,6 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
 def overlay(name: str) -> dict[str, Any]:
     """The contestant's parameters; raises ValueError."""
     if name not in CONTESTANTS:
-        raise ValueError(f"contestant is '{name}', expected one of {', '.join(CONTESTANTS)}")
+        known = ", ".join([*CONTESTANTS, *PEERS])
+        raise ValueError(f"contestant is '{name}', expected one of {known}")
     return merged(_ONE_NODE, CONTESTANTS[name])
