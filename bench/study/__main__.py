@@ -74,7 +74,7 @@ class Study:
         """What has still to be run on this survey; the bag goes when all is done."""
         missing = [c for c in self._contestants if (case.name, seed, c) not in self._known]
         for contestant in missing:
-            folder = self._out / f"{case.name}_{seed}" / contestant
+            folder = self._out / f"{case.name}_{seed}" / contestant.replace("/", ".")
             row = {"case": case.name, "seed": seed, "contestant": contestant}
             if contestant in PEERS:
                 self._keep({**row, **run_peer(contestant, case, seed, folder)})
@@ -116,7 +116,7 @@ def _parse() -> argparse.Namespace:
         nargs="+",
         default=["gmrf100"],
         metavar="NAME",
-        help=f"of {', '.join([*CONTESTANTS, *PEERS])}",
+        help=f"of {', '.join([*CONTESTANTS, *PEERS])}; gmrf100,lc/effective_beams=8 is one, too",
     )
     add("--seeds", type=int, default=10, metavar="K")
     add("--first-seed", type=int, default=FIRST_SEED, metavar="N")

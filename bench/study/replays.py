@@ -28,7 +28,7 @@ FIELDS = (
     "dr_ate_rmse_m dr_ate_aligned_rmse_m online_ate_rmse_m ate_rmse_m ate_aligned_rmse_m "
     "ideal_online_ate_rmse_m ideal_ate_rmse_m ideal_ate_aligned_rmse_m online_nees nees "
     "closures_accepted closures_refused closures_wrong loop_closure_prompts resamplings "
-    "map_rmse_m seabed_rmse_m grid_rmse_m duration_s wall_s"
+    "founders smoothing_s map_rmse_m seabed_rmse_m grid_rmse_m duration_s wall_s"
 ).split()
 PATIENCE_S = 3600.0
 

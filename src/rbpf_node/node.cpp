@@ -223,6 +223,7 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
   }
   const rbpf_core::OdometryUse& use = filter.odometryUse();
   status->past = filter.past();
+  status->founders = static_cast<std::uint32_t>(filter.founders());
   status->velocity_source = use.source() == rbpf_core::MotionSource::kTwist ? "twist" : "pose";
   status->odometry_gaps = use.gaps();
   status->mapping_paused = intake.mapping_paused;
@@ -250,7 +251,7 @@ void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
   status->closures_refused =
       static_cast<std::uint32_t>(smoothed->closures.size() - smoothed->accepted);
   status->largest_correction_m = smoothed->largest_change_m;
-  status->smoothing_s = smoothed->seconds;
+  status->smoothing_s = smoothed->processor_s;
   status->maps_ready = static_cast<std::uint32_t>(maps.maps_ready);
   status->iterations = maps.steps;
   status->message = closures.message;
