@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from bench.peers.peer_runs import PEERS
 from rbpf_svgp_slam.nested import merged
 from rbpf_svgp_slam.parameters.known import complaints, config_folder, default_parameters
 
@@ -45,7 +46,8 @@ def overlay(name: str) -> dict[str, Any]:
     """
     base, *changes = name.split(",")
     if base not in CONTESTANTS:
-        raise ValueError(f"contestant is '{base}', expected one of {', '.join(CONTESTANTS)}")
+        known = ", ".join([*CONTESTANTS, *PEERS])
+        raise ValueError(f"contestant is '{base}', expected one of {known}")
     result = merged(_ONE_NODE, CONTESTANTS[base])
     for change in changes:
         result = merged(result, _nested(change))
