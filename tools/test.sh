@@ -33,12 +33,19 @@ for binary in build/devel/lib/rbpf_svgp_slam/test_*; do
   name=$(basename "$binary")
   step "gtest $name" "$binary" --gtest_brief=1 --gtest_output="xml:$results/$name.xml"
 done
-step "sanitizers" tools/test_sanitizers.sh "$results"
 run_pytest() {
   python3 -m pytest -q -rs -p no:cacheprovider --junitxml="$results/pytest_$1.xml" "${@:2}"
 }
 # by file: what a module's tests share is made once
 step "pytest" run_pytest together -m "not alone" --numprocesses="$(nproc)" --dist=loadfile
+# What only computes goes on behind what mostly waits, on processors that are idle otherwise
+# (SCHED_IDLE); in a session of its own, so that it ends with this script, compilers and all.
+setsid chrt --idle 0 bash -c '
+  tools/test_sanitizers.sh "$0" >"$0/sanitizers.log" 2>&1
+  sanitizers=$?
+  tools/test_builds.sh >"$0/builds.log" 2>&1 && exit $sanitizers' "$results" &
+behind=$!
+trap 'kill -- "-$behind" 2>/dev/null || true' EXIT
 step "pytest" run_pytest alone -m alone
 run_rostest() {
   # bash has its background jobs ignore SIGINT, with which roslaunch ends its nodes
@@ -56,12 +63,6 @@ surveys_beside_offline() {
   cat "$results/offline.log"
   $passed
 }
-# Nodes wait more than they compute: other workspaces are built meanwhile, behind them (nice). Tests
-# marked alone, before, have had the machine to themselves.
-# A session of their own, so that they end with this script, compilers and all.
-setsid nice tools/test_builds.sh >"$results/builds.log" 2>&1 &
-builds=$!
-trap 'kill -- "-$builds" 2>/dev/null || true' EXIT
 for file in test/ros/*.test; do
   name=$(basename "$file" .test)
   case $name in
@@ -71,13 +72,13 @@ for file in test/ros/*.test; do
 done
 step "rostest surveys, offline" surveys_beside_offline
 
-end_of_builds() {
+end_of_behind() {
   local passed=true
-  wait "$builds" || passed=false
-  cat "$results/builds.log"
+  wait "$behind" || passed=false
+  cat "$results/sanitizers.log" "$results/builds.log"
   $passed
 }
-step "other builds" end_of_builds
+step "sanitizers, other builds" end_of_behind
 
 python3 tools/count_tests.py "$results" || failed=1
 exit $failed

@@ -12,10 +12,11 @@ from threading import Lock
 from typing import Any
 
 from bench.paths import ROOT
+from bench.peers.peer_runs import PEERS
 from bench.study import tables
 from bench.study.cases import ONE_AT_A_TIME, Case, cases
-from bench.study.contestants import overlay
-from bench.study.replays import make_survey, replay
+from bench.study.contestants import CONTESTANTS, overlay
+from bench.study.replays import make_survey, replay, run_peer
 from rbpf_svgp_slam import cpu
 
 #: Nothing was chosen on these and the next ones.
@@ -34,7 +35,8 @@ def main() -> int:
     try:
         chosen = cases(arguments.cases) if arguments.cases else ONE_AT_A_TIME
         for name in arguments.contestants:
-            overlay(name)
+            if name not in PEERS:
+                overlay(name)
     except ValueError as error:
         print(f"tools/study.sh: error: {error}", file=sys.stderr)
         return 2
@@ -71,14 +73,15 @@ class Study:
     def run(self, case: Case, seed: int) -> None:
         """What has still to be run on this survey; the bag goes when all is done."""
         missing = [c for c in self._contestants if (case.name, seed, c) not in self._known]
-        if not missing:
-            return
-        bag = make_survey(case, seed, self._out)
         for contestant in missing:
-            folder = self._out / f"{case.name}_{seed}" / contestant
+            folder = self._out / f"{case.name}_{seed}" / contestant.replace("/", ".")
             row = {"case": case.name, "seed": seed, "contestant": contestant}
-            self._keep({**row, **replay(contestant, seed, bag, folder)})
-        for path in self._out.glob(f"{bag.stem}.*"):
+            if contestant in PEERS:
+                self._keep({**row, **run_peer(contestant, case, seed, folder)})
+            else:
+                bag = make_survey(case, seed, self._out)
+                self._keep({**row, **replay(contestant, seed, bag, folder)})
+        for path in self._out.glob(f"{case.name}_{seed}.*"):
             path.unlink()
 
     def _keep(self, row: dict[str, Any]) -> None:
@@ -108,7 +111,13 @@ def _parse() -> argparse.Namespace:
         metavar="CASE",
         help="names such as base, rippled, cheap+outliers5; all",
     )
-    add("--contestants", nargs="+", default=["gmrf100"], metavar="NAME")
+    add(
+        "--contestants",
+        nargs="+",
+        default=["gmrf100"],
+        metavar="NAME",
+        help=f"of {', '.join([*CONTESTANTS, *PEERS])}; gmrf100,lc/effective_beams=8 is one, too",
+    )
     add("--seeds", type=int, default=10, metavar="K")
     add("--first-seed", type=int, default=FIRST_SEED, metavar="N")
     add("--jobs", type=int, default=1, metavar="N", help="surveys at once")

@@ -9,8 +9,9 @@ from typing import Any
 
 import yaml
 
+from bench.peers.peer_runs import PEERS
 from rbpf_svgp_slam.nested import merged
-from rbpf_svgp_slam.parameters.known import config_folder
+from rbpf_svgp_slam.parameters.known import complaints, config_folder, default_parameters
 
 ALONE = {"smoothing": {"period_s": 0.0}}
 #: A study draws its own figures.
@@ -39,7 +40,27 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
 
 
 def overlay(name: str) -> dict[str, Any]:
-    """The contestant's parameters; raises ValueError."""
-    if name not in CONTESTANTS:
-        raise ValueError(f"contestant is '{name}', expected one of {', '.join(CONTESTANTS)}")
-    return merged(_ONE_NODE, CONTESTANTS[name])
+    """The contestant's parameters, as in `gmrf100` or `gmrf100,lc/effective_beams=8`.
+
+    Raises ValueError.
+    """
+    base, *changes = name.split(",")
+    if base not in CONTESTANTS:
+        known = ", ".join([*CONTESTANTS, *PEERS])
+        raise ValueError(f"contestant is '{base}', expected one of {known}")
+    result = merged(_ONE_NODE, CONTESTANTS[base])
+    for change in changes:
+        result = merged(result, _nested(change))
+    for complaint in complaints(result, default_parameters()):
+        raise ValueError(f"contestant is '{name}': {complaint}")
+    return result
+
+
+def _nested(change: str) -> dict[str, Any]:
+    path, is_given, value = change.partition("=")
+    if not is_given:
+        raise ValueError(f"change of a contestant is '{change}', expected group/parameter=value")
+    result: Any = yaml.safe_load(value)
+    for key in reversed(path.split("/")):
+        result = {key: result}
+    return result

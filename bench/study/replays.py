@@ -7,6 +7,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from bench.paths import ROOT
 from bench.study.cases import Case
 from bench.study.contestants import overlay
 from rbpf_svgp_slam import machine
@@ -26,7 +28,7 @@ FIELDS = (
     "dr_ate_rmse_m dr_ate_aligned_rmse_m online_ate_rmse_m ate_rmse_m ate_aligned_rmse_m "
     "ideal_online_ate_rmse_m ideal_ate_rmse_m ideal_ate_aligned_rmse_m online_nees nees "
     "closures_accepted closures_refused closures_wrong loop_closure_prompts resamplings "
-    "map_rmse_m seabed_rmse_m grid_rmse_m duration_s wall_s"
+    "founders smoothing_s map_rmse_m seabed_rmse_m grid_rmse_m duration_s wall_s"
 ).split()
 PATIENCE_S = 3600.0
 
@@ -53,13 +55,25 @@ def replay(contestant: str, seed: int, bag: Path, folder: Path) -> dict[str, Any
     command += [f"bag:={bag}", f"survey:={bag.with_suffix('.survey.yaml')}"]
     command += [f"terrain:={bag.with_suffix('.terrain.npz')}", f"config:={config}"]
     command += [f"out:={folder}"]
+    return _row(command, folder, env=_own_master())
+
+
+def run_peer(name: str, case: Case, seed: int, folder: Path) -> dict[str, Any]:
+    """Have a peer (bench/peers) run on the survey, without ROS; returns the same figures."""
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "bench.peers", name, case.name, str(seed), str(folder)]
+    return _row(command, folder, cwd=ROOT)
+
+
+def _row(command: list[str], folder: Path, **how: Any) -> dict[str, Any]:
+    """What the command writes into report.json; how: as subprocess.run has it."""
     started_s = time.monotonic()
     with (folder / "launch.log").open("w") as log:
         status = subprocess.run(
-            command, stdout=log, stderr=subprocess.STDOUT, env=_own_master(), timeout=PATIENCE_S
+            command, stdout=log, stderr=subprocess.STDOUT, timeout=PATIENCE_S, **how
         ).returncode
     if status:
-        raise RuntimeError(f"{contestant} on {bag.stem} failed: see {folder}/launch.log")
+        raise RuntimeError(f"{' '.join(command)} failed: see {folder}/launch.log")
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     _drop_large_files(folder)
     row = {name: report.get(name) for name in FIELDS}

@@ -122,6 +122,8 @@ class FilterSnapshot {
   const FixRecord& fix(std::size_t i) const { return log_->fixes[i]; }
 
   std::size_t pings() const { return pings_; }
+  // Particles of the start from which all of today's descend; none before the first ping.
+  std::size_t founders() const { return pings_ == 0 ? 0 : trajectories_->founders(); }
   std::size_t pingsWaiting() const { return pings_waiting_; }
   // In the training log; and those of them that may be trained on now.
   std::size_t beams() const { return beams_; }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <set>
 #include <vector>
 
 #include "rbpf_core/types.hpp"
@@ -73,6 +74,14 @@ class Trajectories {
       if (segments_[j * capacity_ + number] != segments_[number]) return false;
     }
     return true;
+  }
+
+  // Of how many different histories the first poses are: the particles of the survey's start from
+  // which all of today's descend. Expects a pose.
+  std::size_t founders() const {
+    std::set<const Segment*> first;
+    for (std::size_t j = 0; j < particles_; ++j) first.insert(segments_[j * capacity_].get());
+    return first.size();
   }
 
   std::size_t particles() const { return particles_; }

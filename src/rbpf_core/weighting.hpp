@@ -23,7 +23,7 @@ struct WeightingParams {
   // tau is lowered so that N_eff stays above this share of J.
   double min_n_eff_share = 0.25;
   // A ping counts as this many beams, since its beams are not independent.
-  double effective_beams = 30.0;
+  double effective_beams = 12.0;
   // Degrees of freedom of a beam's likelihood.
   double student_t_dof = 4.0;
   // Share of (beam, particle) pairs over mapped seabed below which nothing is said.

@@ -143,6 +143,7 @@ Answer SlamNode::promptNow() {
   } else {
     message = "not weighed: ";
   }
+  if (asked.outcome == StepOutcome::kFailed) ++prompts_failed_;
   const bool went_well =
       asked.outcome == StepOutcome::kPrompted || asked.outcome == StepOutcome::kResampled;
   return {asked.has_weighed && went_well, message + asked.why};
@@ -167,6 +168,7 @@ void SlamNode::closeLoops() {
   smoothing_.work();
   if (asked_prompt_.isAsked()) asked_prompt_.answer(promptNow());
   const auto [outcome, problem] = loop_closing_.step();
+  if (outcome == StepOutcome::kFailed) ++prompts_failed_;
   if (problem.empty()) return;
   if (outcome == StepOutcome::kFailed) {
     ROS_ERROR_THROTTLE(kPromptErrorPeriod_s, "Loop-closure prompt failed: %s", problem.c_str());
@@ -195,6 +197,9 @@ rbpf_svgp_slam::FilterStatus SlamNode::status() const {
   status.peak_rss_mb = peakResidentMb();
   tellInput(filter, &status);
   tellLoopClosing(&status);
+  status.journal = journal_ ? journal_->problem() : "none";
+  if (status.journal.empty()) status.journal = "kept";
+  status.resumed = journal_ ? journal_->resumed() : 0;
   return status;
 }
 
@@ -223,6 +228,7 @@ void SlamNode::tellInput(const rbpf_core::FilterSnapshot& filter,
   }
   const rbpf_core::OdometryUse& use = filter.odometryUse();
   status->past = filter.past();
+  status->founders = static_cast<std::uint32_t>(filter.founders());
   status->velocity_source = use.source() == rbpf_core::MotionSource::kTwist ? "twist" : "pose";
   status->odometry_gaps = use.gaps();
   status->mapping_paused = intake.mapping_paused;
@@ -238,6 +244,7 @@ void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
   status->prompts = closures.prompts;
   status->prompts_vetoed = closures.prompts_vetoed;
   status->prompts_skipped = closures.prompts_skipped;
+  status->prompts_failed = prompts_failed_;
   status->resamplings_failed = closures.resamplings_failed;
   status->maps_moved = closures.moved.maps;
   status->bytes_moved = closures.moved.bytes;
@@ -250,7 +257,7 @@ void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
   status->closures_refused =
       static_cast<std::uint32_t>(smoothed->closures.size() - smoothed->accepted);
   status->largest_correction_m = smoothed->largest_change_m;
-  status->smoothing_s = smoothed->seconds;
+  status->smoothing_s = smoothed->processor_s;
   status->maps_ready = static_cast<std::uint32_t>(maps.maps_ready);
   status->iterations = maps.steps;
   status->message = closures.message;

@@ -82,6 +82,7 @@ class SlamNode {
 
   Intake intake_;
 
+  std::atomic<std::uint32_t> prompts_failed_{0};
   std::atomic<bool> ends_{false};
   TriggerServices triggers_;
   // last: what it calls needs all of the above

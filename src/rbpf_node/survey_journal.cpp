@@ -89,6 +89,7 @@ void SurveyJournal::resume() {
   const auto start = std::chrono::steady_clock::now();
   const rbpf_core::ResumedSurvey survey = rbpf_core::resumeFrom(path_, &filter_);
   loop_closing_.resume(survey.epoch, survey.loop_closing);
+  resumed_ = survey.programs;
   writer_ = std::make_unique<JournalWriter>(path_, survey.whole_bytes, tellFailure);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();

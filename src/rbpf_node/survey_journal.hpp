@@ -46,6 +46,8 @@ class SurveyJournal {
   std::uint64_t bytes() const { return writer_->bytes(); }
   // Why it has ended before its time; empty: it goes on.
   std::string problem() const { return writer_->problem(); }
+  // How often the survey has gone on from it, this time included.
+  std::uint32_t resumed() const { return resumed_; }
 
  private:
   void resume();
@@ -54,6 +56,7 @@ class SurveyJournal {
   rbpf_core::ParticleFilter& filter_;
   rbpf_core::LoopClosing& loop_closing_;
   std::unique_ptr<rbpf_core::JournalWriter> writer_;
+  std::uint32_t resumed_ = 0;
 };
 
 }  // namespace rbpf_node

@@ -117,6 +117,19 @@ TEST(TrajectoryHistories, ShareTheirPosesInsteadOfCopyingThem) {
   for (std::size_t j = 0; j < 3; ++j) EXPECT_EQ(&histories.at(j, slots[4]), before);
 }
 
+TEST(TrajectoryHistories, CountTheParticlesOfTheStartThatTheyDescendFrom) {
+  TrajectoryHistories histories(4);
+  NaiveHistories naive(4);
+  const auto founders = [&] { return histories.state().trajectories->founders(); };
+  for (int ping = 0; ping < 100; ++ping) histories.append(naive.append());
+  EXPECT_EQ(founders(), 4U);
+  histories.resample({0, 0, 2, 3});
+  EXPECT_EQ(founders(), 3U);
+  for (int ping = 0; ping < 100; ++ping) histories.append(naive.append());
+  histories.resample({0, 1, 0, 1});  // two that differ, of one founder
+  EXPECT_EQ(founders(), 1U);
+}
+
 TEST(TrajectoryHistories, FreeSegmentsThatNoParticlePointsTo) {
   TrajectoryHistories histories(4);
   NaiveHistories naive(4);

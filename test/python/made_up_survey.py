@@ -141,6 +141,7 @@ def make_run(seed=0):
     )
     statistics.update(beams=len(z), duration_s=duration_s, iterations_total=90_000)
     statistics.update(loop_closure_prompts=60, resamplings=5)
+    statistics["health"] = {"pings_dropped": 0, "refused": {"pings/no_beams": 3}, "journal": "kept"}
     statistics["peak_rss_mb"] = {"rbpf_core": 210.4, "svgp_node_0": np.float32(812.5)}
     return SurveyRun(
         stamp_s=stamp_s,

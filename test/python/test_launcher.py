@@ -42,8 +42,8 @@ def test_a_node_that_ends_is_named(master, children):
 def test_a_node_that_is_killed_is_started_again(master, children, monkeypatch, capsys):
     started = []
 
-    def start(index):
-        started.append(index)
+    def start(index, restarts):
+        started.append((index, restarts))
         # the second one ends by itself
         return subprocess.Popen(["sleep", "60"] if len(started) == 1 else ["false"])
 
@@ -58,13 +58,13 @@ def test_a_node_that_is_killed_is_started_again(master, children, monkeypatch, c
     assert watch.is_alive() and children[3].poll() is None
     children[3].kill()
     watch.join(20.0)
-    assert started == [3, 3] and not watch.is_alive()
+    assert started == [(3, 1), (3, 2)] and not watch.is_alive()
     assert "svgp_node_3 was killed by SIGKILL: it is started again" in capsys.readouterr().out
 
 
 def test_a_node_that_is_killed_again_and_again_is_given_up(master, children, monkeypatch):
     monkeypatch.setattr(
-        launcher, "_start", lambda index: subprocess.Popen(["sh", "-c", "kill -11 $$"])
+        launcher, "_start", lambda *_, **__: subprocess.Popen(["sh", "-c", "kill -11 $$"])
     )
     children[2].kill()
     message = launcher._watch(children, start_again=True)

@@ -102,6 +102,7 @@ def test_a_run_folder_is_made_of_the_journal_alone(tmp_path, capsys):
     assert np.abs(run.map.mean - slope)[known].max() < 0.1  # m; no noise in the beams
     report = json.loads((tmp_path / "report.json").read_text())
     assert (report["pings"], report["particles"], report["ate_rmse_m"]) == (PINGS, 3, None)
+    assert report["health"] == {"core_resumed": 0, "journal": "whole"}
     assert (tmp_path / "report.html").is_file()
     assert f"{PINGS} pings from {2 + 2 * PINGS} records" in capsys.readouterr().out
 
@@ -115,6 +116,7 @@ def test_ground_truth_in_the_folder_scores_it_and_it_may_be_made_again(tmp_path,
         assert main([str(tmp_path)]) == 0
         report = json.loads((tmp_path / "report.json").read_text())
         assert report["ate_rmse_m"] == pytest.approx(0.5, abs=1e-6)
+        assert report["health"]["journal"].startswith("lost: the last 5 bytes")
         assert "lost: the last 5 bytes, the file ends within a record" in capsys.readouterr().out
     assert len(read_tum(tmp_path / "trajectory.tum")[0]) == PINGS
 

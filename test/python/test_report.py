@@ -99,6 +99,7 @@ def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
         "filter_history",
     ]
     assert "svgp/kernel" in text and "matern12" in text
+    assert "<dt>refused</dt><dd>pings/no_beams 3</dd>" in text
     # No address: base64 has no colon.
     assert "://" not in text and "<script" not in text and "url(" not in text
 

@@ -42,6 +42,13 @@ def test_contestants_set_parameters_that_exist():
     assert contestants.overlay("paper")["lc"]["weights"] == "product"
     with pytest.raises(ValueError, match="contestant is 'best', expected one of paper"):
         contestants.overlay("best")
+    changed = contestants.overlay("gmrf40,lc/effective_beams=8,smoothing/period_s=0.0")
+    assert changed["lc"]["effective_beams"] == 8 and changed["smoothing"]["period_s"] == 0.0
+    assert changed["particles"] == 40 and changed["map"]["engine"] == "gmrf"
+    with pytest.raises(ValueError, match="lc/effective_beam is unknown"):
+        contestants.overlay("gmrf40,lc/effective_beam=8")
+    with pytest.raises(ValueError, match="is 'fast', expected group/parameter=value"):
+        contestants.overlay("gmrf40,fast")
 
 
 def row(**over):

@@ -49,11 +49,12 @@ MAP_NODE_DEAD = r"svgp_node_0 ended with exit status -9[\s\S]*svgp_nodes-\d+ has
 def kill(program, launch_pid):
     """SIGKILL for the launch's process whose command has this word, once the run is under way."""
     launch = psutil.Process(launch_pid)
-    master = rosgraph.Master("/test_inputs", launch.environ()["ROS_MASTER_URI"])
     give_up_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < give_up_s:
         process = child_of(launch, program)
-        if process and is_known(master, "/survey_recorder"):
+        # a process has no environment for a moment in which it becomes another program
+        uri = launch.environ().get("ROS_MASTER_URI")
+        if process and uri and is_known(rosgraph.Master("/test_inputs", uri), "/survey_recorder"):
             time.sleep(UNDER_WAY_S)
             process.kill()
             return
@@ -132,7 +133,10 @@ class InputsTest(unittest.TestCase):
         self.assertEqual(run.status, 0, run.output)
         self.assertIn("svgp_node_0 was killed by SIGKILL: it is started again", run.output)
         self.assertEqual(run.report["pings"], len(survey.of(survey.ping_topic)), run.last_lines)
-        self.assertEqual(run.report["pings_dropped"], 0)
+        health = run.report["health"]
+        self.assertEqual(health["pings_dropped"], 0)
+        self.assertEqual(health["map_nodes_restarted"], 1)
+        self.assertEqual((health["core_resumed"], health["journal"]), (0, "kept"))
 
     def test_a_map_node_of_an_offline_replay_is_killed(self):
         self.check_death("svgp_node.py", MAP_NODE_DEAD, OFFLINE)

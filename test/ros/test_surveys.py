@@ -309,6 +309,7 @@ class Surveys(unittest.TestCase):
         # of the prompt that it may have died in nothing is known
         self.assertGreaterEqual(status.prompts, before.prompts - 1)
         self.assertGreaterEqual(status.epoch, before.epoch)
+        self.assertEqual((status.resumed, status.journal), (1, "kept"))
         # and so is the run once the launch has ended before its time
         self.assertFalse((self.out / "report.json").exists())
         recover = ["rosrun", "rbpf_svgp_slam", "recover_run.py", self.out]
@@ -316,6 +317,7 @@ class Surveys(unittest.TestCase):
         self.assertEqual(recovered.returncode, 0, recovered.stdout + recovered.stderr)
         report = json.loads((self.out / "report.json").read_text())
         self.assertGreaterEqual(report["pings"], status.pings)
+        self.assertEqual(report["health"]["core_resumed"], 1)
         self.assertIsNotNone(report["ate_rmse_m"])
         self.setUp()  # parameters
         args = [*self.common_args()[:2], f"resume:={self.out}"]

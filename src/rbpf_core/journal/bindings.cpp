@@ -72,6 +72,7 @@ py::dict read(const std::string& path) {
   survey["prompts"] = resumed.loop_closing.prompts;
   survey["fixes"] = snapshot.fixes();
   survey["records"] = resumed.records;
+  survey["programs"] = resumed.programs;
   survey["whole_bytes"] = resumed.whole_bytes;
   survey["lost_bytes"] = resumed.lost_tail ? resumed.lost_tail->bytes : 0;
   survey["why_lost"] = resumed.lost_tail ? resumed.lost_tail->why : "";
@@ -86,7 +87,8 @@ PYBIND11_MODULE(_journal, m) {
         "The survey of a journal, P pings with N beams: stamp_s [P], estimate, online and "
         "dead_reckoning [P, 6] x y z roll pitch yaw, estimate_covariance and online_covariance "
         "[P, 6] xx, xy, x yaw, yy, y yaw, yaw yaw, held_out and beams_per_ping [P], levelled "
-        "[N, 3]; m, rad, frame map. settings: the program's parameters as XML-RPC. lost_bytes: of "
+        "[N, 3]; m, rad, frame map. settings: the program's parameters as XML-RPC. "
+        "programs: that have written it, one after the other. lost_bytes: of "
         "a damaged tail, why_lost says why. Raises RuntimeError that names what is wrong.");
 }
 

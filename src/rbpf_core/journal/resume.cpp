@@ -15,7 +15,10 @@ class Again {
   Again(ParticleFilter* filter, ResumedSurvey* survey) : filter_(*filter), survey_(*survey) {}
 
   void operator()(const FilterSettings&) const {}
-  void operator()(ProgramSettings& settings) { survey_.settings = std::move(settings); }
+  void operator()(ProgramSettings& settings) {
+    survey_.settings = std::move(settings);
+    ++survey_.programs;
+  }
   void operator()(const Odometry& odometry) {
     asBefore([&] { filter_.addOdometry(odometry); });
   }

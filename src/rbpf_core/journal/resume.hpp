@@ -17,6 +17,8 @@ struct ResumedSurvey {
   std::uint32_t epoch = 0;
   LoopClosingState loop_closing;
   std::size_t records = 0;
+  // Programs that have written it, one after the other.
+  std::uint32_t programs = 0;
   // Of the file, up to where it can go on.
   std::uint64_t whole_bytes = 0;
   std::optional<LostTail> lost_tail;

@@ -33,10 +33,10 @@ struct SmoothedPast {
   std::vector<Pose2> nodes;
   // Of the log's pings, x, y, yaw in map; empty before the survey's end.
   std::vector<Eigen::Matrix3d> covariances;
-  // What the last correction moved the ping by that it moved most, m; and the time that smoothing
-  // has taken so far, s.
+  // What the last correction moved the ping by that it moved most, m; and the processor's time that
+  // smoothing has taken so far, s.
   double largest_change_m = 0.0;
-  double seconds = 0.0;
+  double processor_s = 0.0;
 };
 
 class PastSmoothing {

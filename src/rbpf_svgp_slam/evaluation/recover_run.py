@@ -67,7 +67,7 @@ def recover(folder: Path, out_dir: Path) -> str:
     export_after_run(out_dir, run.config, _complain)
     lines = [f"{len(run.stamp_s)} pings from {survey['records']} records of {journal}"]
     if survey["lost_bytes"]:
-        lines.append(f"lost: the last {survey['lost_bytes']} bytes, {survey['why_lost']}")
+        lines.append(_lost(survey))
     return "\n".join([*lines, f"Report: {(out_dir / 'report.html').resolve()}"])
 
 
@@ -119,7 +119,15 @@ def _statistics(survey: dict[str, Any], journal: Path, config: dict[str, Any]) -
         "loop_closure_prompts": survey["prompts"],
         "resamplings": survey["resamplings"],
         "fixes": survey["fixes"],
+        "health": {
+            "core_resumed": survey["programs"] - 1,
+            "journal": _lost(survey) if survey["lost_bytes"] else "whole",
+        },
     }
+
+
+def _lost(survey: dict[str, Any]) -> str:
+    return f"lost: the last {survey['lost_bytes']} bytes, {survey['why_lost']}"
 
 
 def _ground_truth(path: Path, stamp_s: np.ndarray) -> np.ndarray | None:

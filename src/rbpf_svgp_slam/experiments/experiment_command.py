@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import signal
 import sys
 from pathlib import Path
@@ -32,6 +33,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(number, signal.default_int_handler)
     try:
         plan = experiment(arguments.experiment)
+        if arguments.offline:
+            plan = dataclasses.replace(plan, live=False, other_load=0.0)
         options = Options(
             scale=arguments.scale,
             seed=arguments.seed,
@@ -80,6 +83,11 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
         help="svgp/optimizer (default streaming; the paper's is adam)",
     )
     add("--rate", type=float, default=1.0, help="of exp2, times real time (default 1)")
+    add(
+        "--offline",
+        action="store_true",
+        help="read exp2's survey directly, too: the result does not depend on the machine",
+    )
     add("--only", nargs="+", default=[], metavar="NAME", help="configurations, such as J10_B1")
     add("--config", type=Path, metavar="F.yaml", help="parameters to be set over the experiment's")
     return parser.parse_args(argv)

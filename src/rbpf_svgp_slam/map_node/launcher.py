@@ -58,10 +58,12 @@ def start_map_nodes(arguments: Sequence[str]) -> int | str:
         _stop(children.values())
 
 
-def _start(index: int) -> subprocess.Popen:
+def _start(index: int, restarts: int = 0) -> subprocess.Popen:
     # In a session of its own: roslaunch interrupts our whole process group, and a node that is
     # interrupted a second time, by us, may be in the midst of logging the first.
-    return subprocess.Popen(_command(index), start_new_session=True, preexec_fn=end_with_parent)
+    return subprocess.Popen(
+        _command(index, restarts), start_new_session=True, preexec_fn=end_with_parent
+    )
 
 
 def share_of_host(first: str, count: str, nodes: int) -> range:
@@ -130,7 +132,7 @@ def _watch(children: dict[int, subprocess.Popen], start_again: bool) -> str:
             if deaths[index].too_many:
                 return told
             print(f"svgp_nodes: {told}, and learns its maps from the log", flush=True)
-            children[index] = _start(index)
+            children[index] = _start(index, restarts=len(deaths[index]))
             continue
         try:
             uri = _uri_of(names.map_node(index))
@@ -181,9 +183,10 @@ def _answers(uri: str) -> bool:
     return True
 
 
-def _command(index: int) -> list[str]:
+def _command(index: int, restarts: int) -> list[str]:
     script = Path(sys.argv[0]).with_name("svgp_node.py")
-    return [str(script), f"__name:={names.map_node(index)}", f"_index:={index}"]
+    private = [f"_index:={index}", f"_restarts:={restarts}"]
+    return [str(script), f"__name:={names.map_node(index)}", *private]
 
 
 def _stop(children: Collection[subprocess.Popen]) -> None:

@@ -60,6 +60,7 @@ class MapNode:
         self._index = index
         self._parameters = parameters
         self._engine = parameters.map.engine
+        self._restarts = int(rospy.get_param("~restarts", 0))
         self._timeout_s = parameters.resampling_timeout_s
         self._begin(group)
         self._publisher = MapPublisher(self._store, parameters)
@@ -124,6 +125,7 @@ class MapNode:
         maps = self._store.maps().values()
         status = MapStatus(
             node=self._index,
+            restarts=self._restarts,
             survey=self._store.survey,
             epoch=self._store.epoch,
             past=self._store.past,

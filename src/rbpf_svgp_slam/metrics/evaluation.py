@@ -39,7 +39,7 @@ from rbpf_svgp_slam.run.survey_run import GridMap, Predict, SurveyRun
 
 _COUNTERS = (
     "particles nodes seed pings pings_dropped beams duration_s wall_s "
-    "iterations_total loop_closure_prompts resamplings peak_rss_mb"
+    "iterations_total loop_closure_prompts resamplings founders smoothing_s peak_rss_mb"
 ).split()
 _INTERVAL95_SIGMAS = 1.959964  # of a Gaussian, two-sided
 _RPE_DELTA_S = 60.0  # long against the wander within one line, short against a survey

@@ -4,7 +4,7 @@
 COUNTERS = (
     "pings beams duration_s particles nodes seed pings_dropped wall_s real_time_factor "
     "iterations_total iterations_per_particle iterations_per_s loop_closure_prompts resamplings "
-    "peak_rss_mb"
+    "founders smoothing_s peak_rss_mb"
 ).split()
 FROM_DATA = tuple(COUNTERS[:3])
 

@@ -12,6 +12,7 @@ from rbpf_svgp_slam.maps import load_map
 from rbpf_svgp_slam.metrics.map_metrics import predict_in_chunks
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.parameters.rules import Polygon
+from rbpf_svgp_slam.recorder.health import health
 from rbpf_svgp_slam.recorder.map_sample import sampled_map_rmse
 from rbpf_svgp_slam.recorder.provenance import provenance
 from rbpf_svgp_slam.recorder.recording import Recording
@@ -97,22 +98,24 @@ def _grid(area: Polygon, resolution_m: float, predict: Any) -> GridMap:
 def _statistics(recording: Recording, survey: Any, pings_lost: int) -> dict[str, Any]:
     status = recording.statuses[-1]
     peaks_mb = [m.peak_rss_mb for m in recording.map_statuses.values()] + [status.peak_rss_mb]
-    dropped = max(int(status.pings_dropped), pings_lost)
-    if dropped:
-        rospy.logwarn("%d pings were lost on the way in.", dropped)
+    found = health(recording, pings_lost)
+    if found["pings_dropped"]:
+        rospy.logwarn("%d pings were lost on the way in.", found["pings_dropped"])
     return {
         "particles": status.particles,
         "nodes": status.nodes,
         "seed": recording.parameters.seed,
         "terrain": recording.terrain_file or None,
         "pings": int(status.pings),
-        "pings_dropped": dropped,
+        "pings_dropped": found["pings_dropped"],
         "beams": len(survey.levelled),
         "duration_s": float(survey.stamp_s[-1] - survey.stamp_s[0]) if len(survey.stamp_s) else 0.0,
         "wall_s": recording.wall_s,
-        "iterations_total": sum(int(m.steps) for m in recording.map_statuses.values()),
+        "iterations_total": sum(int(m.steps) for m in recording.map_lives.values()),
         "loop_closure_prompts": status.prompts,
         "resamplings": status.epoch,
+        "founders": status.founders,
+        "smoothing_s": status.smoothing_s,
         "maps_moved": status.maps_moved,
         "bytes_moved": int(status.bytes_moved),
         "prompt_s_median": _median(recording.statuses, "prompt_s", "prompts"),
@@ -120,12 +123,13 @@ def _statistics(recording: Recording, survey: Any, pings_lost: int) -> dict[str,
         "ping_age_p99_s": status.ping_age_p99_s,
         "ping_age_max_s": status.ping_age_max_s,
         "peak_rss_mb": sum(peaks_mb),
-        "refused": refusals(status),
+        "refused": refusals(recording.statuses),
         "findings": list(status.findings),
         "velocity_source": status.velocity_source,
         "odometry_gaps": int(status.odometry_gaps),
         "fixes": int(status.fixes),
         "ground_truth_refused": dict(recording.ground_truth.refused),
+        "health": found,
     }
 
 

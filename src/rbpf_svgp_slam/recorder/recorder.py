@@ -127,7 +127,7 @@ class Recorder:
             self._finish_survey()
         self._await_last_words()
         if not self._recording.statuses[-1].pings:
-            raise RuntimeError(nothing_taken_in(self._recording.statuses[-1]))
+            raise RuntimeError(nothing_taken_in(self._recording.statuses))
         self._so_far.writing.acquire()  # waits for one that is being written
         rospy.loginfo("Writing the report to %s", self._recording.out_dir)
         run = assemble_run(self._recording, self._private.bag, self._pings_lost(source))
@@ -232,7 +232,7 @@ class Recorder:
     def _on_map_status(self, status: MapStatus) -> None:
         self._heard[names.map_node(status.node)] += 1
         if self._is_recorded(status.survey):
-            self._recording.map_statuses[status.node] = status
+            self._recording.map_lives[status.node, status.restarts] = status
             self._recording.history.on_map_status(status)
 
     def _is_recorded(self, survey: int) -> bool:

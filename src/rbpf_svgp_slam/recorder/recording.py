@@ -24,7 +24,13 @@ class Recording:
     time_lapse: TimeLapseRecorder
     ground_truth: GroundTruth
     statuses: list[FilterStatus] = field(default_factory=list)
-    map_statuses: dict[int, MapStatus] = field(default_factory=dict)  # the latest, by node
+    # The latest of each process that has been a map node, by node and restarts, in their order.
+    map_lives: dict[tuple[int, int], MapStatus] = field(default_factory=dict)
     history: History = field(default_factory=History)
     started_s: float | None = None  # wall clock, at the first odometry
     wall_s: float = 0.0  # that the survey took, once it is over
+
+    @property
+    def map_statuses(self) -> dict[int, MapStatus]:
+        """The latest, by node."""
+        return {node: status for (node, _), status in self.map_lives.items()}

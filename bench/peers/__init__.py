@@ -1,0 +1,1 @@
+"""Peers: other methods for the same problem, each as plain as its idea; contestants of the study."""
