@@ -91,11 +91,15 @@ def test_a_run_of_another_program_is_exported(folder):
     assert header.endswith("heading_deg")
 
 
-def test_lengths_and_places_that_a_crs_is_not_made_for_are_told(folder):
+def test_lengths_and_places_that_a_crs_is_not_made_for_are_told(folder, capsys):
+    assert main([str(folder), *QUICK]) == 0 and not capsys.readouterr().err
     assert main([str(folder), *QUICK, "--epsg", "3857"]) == 0
     assert any("A metre on the ground is 1.8" in n for n in summary_of(folder / "export")["notes"])
     assert main([str(folder), *QUICK, "--epsg", "32633"]) == 0
     assert any("not where" in note for note in summary_of(folder / "export")["notes"])
+    told = capsys.readouterr().err.splitlines()
+    assert all(line.startswith("export_map.py: warning: ") for line in told)
+    assert "A metre on the ground" in told[0] and "is not where" in told[-1]
 
 
 def said(capsys):

@@ -6,10 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from rbpf_svgp_slam.charts.georeference import MEAN_SEA_LEVEL
+from rbpf_svgp_slam.charts.georeference import MEAN_SEA_LEVEL, Georeference
 from rbpf_svgp_slam.exports.export_files import FILES
 from rbpf_svgp_slam.exports.export_run import export_run
 from rbpf_svgp_slam.exports.export_settings import export_settings
+from rbpf_svgp_slam.exports.export_summary import warnings_of
 from rbpf_svgp_slam.exports.exported_run import load_exported_run
 
 _DESCRIPTION = """Write the seabed and the track of a run folder for charts, GIS and navigation
@@ -69,4 +70,7 @@ def _run(arguments: argparse.Namespace) -> list[Path]:
         formats=arguments.formats,
         contour_interval_m=arguments.contour_interval,
     )
+    place = Georeference(settings.origin_deg, settings.epsg, settings.vertical_epsg)
+    for warning in warnings_of(place):
+        print(f"export_map.py: warning: {warning}", file=sys.stderr)
     return export_run(run, arguments.out or folder / "export", settings)

@@ -68,7 +68,7 @@ def summary_of(
         "notes": [
             *metadata_of(run, georeference).values(),
             s44.BY_TVU_ALONE,
-            *_warnings(georeference, scale),
+            *warnings_of(georeference),
         ],
     }
 
@@ -87,8 +87,9 @@ def grid_scale(georeference: Georeference) -> float:
     return float(np.linalg.norm(east - west) / (2 * reach_m))
 
 
-def _warnings(georeference: Georeference, scale: float) -> list[str]:
-    warnings = []
+def warnings_of(georeference: Georeference) -> list[str]:
+    """Sentences on what the CRS is not made for: the survey's lengths, or its place."""
+    warnings, scale = [], grid_scale(georeference)
     if abs(scale - 1) > _GRID_SCALE_TOLERANCE:
         warnings.append(
             f"A metre on the ground is {scale:.3f} m of {georeference.name}: lengths and areas "

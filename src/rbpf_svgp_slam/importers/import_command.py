@@ -199,8 +199,8 @@ def _origin_deg(options: argparse.Namespace, recording: Recording) -> tuple[floa
         away_m = LocalFrame(*options.origin).distance_m(*first)
         if not away_m < FARTHEST_ORIGIN_M:
             raise ImportProblem(
-                f"origin is {options.origin}, {away_m / 1000:.0f} km straight from the first position, "
-                f"{first[0]:.4f}, {first[1]:.4f}, expected the latitude and longitude of a place "
+                f"origin is {options.origin}, {away_m / 1000:.0f} km straight from the first "
+                f"position, {first[0]:.4f}, {first[1]:.4f}, expected the latitude and longitude of a place "
                 f"within {FARTHEST_ORIGIN_M / 1000:g} km"
             )
         return tuple(options.origin)
