@@ -200,8 +200,8 @@ def _origin_deg(options: argparse.Namespace, recording: Recording) -> tuple[floa
         if not away_m < FARTHEST_ORIGIN_M:
             raise ImportProblem(
                 f"origin is {options.origin}, {away_m / 1000:.0f} km straight from the first "
-                f"position, {first[0]:.4f}, {first[1]:.4f}, expected the latitude and longitude of a place "
-                f"within {FARTHEST_ORIGIN_M / 1000:g} km"
+                f"position, {first[0]:.4f}, {first[1]:.4f}, expected the latitude and longitude of "
+                f"a place within {FARTHEST_ORIGIN_M / 1000:g} km"
             )
         return tuple(options.origin)
     return tuple(round(round(value / _NOT_FINER_THAN) * _NOT_FINER_THAN, 4) for value in first)
