@@ -62,8 +62,9 @@ class SurveyMap:
     def predict(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean [n] and variance [n] of the seabed at xy [n, 2], m and m², noise not included.
 
-        NaN where no beam fell: where the nearest node has none in the four cells around it. And where
-        the mean is out of reach of those that fell there, as beside a line of beams along a wall.
+        NaN where no beam fell: where the nearest node has none in the four cells around it. And
+        where the mean is out of reach of those that fell there, as beside a line of beams along a
+        wall.
         """
         xy = np.asarray(xy, dtype=float) - self._origin_m
         # Half a cell along either axis is what lies nearest to a node, but for rounding.
