@@ -1,1 +1,1 @@
-"""Peers: other methods for the same problem, each as plain as its idea; contestants of the study."""
+"""Peers: other methods for the same problem, each as plain as its idea; rows of the study."""

@@ -1,4 +1,4 @@
-"""python3 -m bench.peers NAME CASE SEED DIR: one peer on one survey of the study; DIR/report.json."""
+"""python3 -m bench.peers NAME CASE SEED DIR: one peer on one survey; writes DIR/report.json."""
 
 from __future__ import annotations
 

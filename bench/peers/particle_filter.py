@@ -53,9 +53,10 @@ class ParticleFilter:
         last_s = stamp_s[0]
         for ping, now_s in enumerate(stamp_s):
             self._move(ping)
-            self.online[[ping]], self.online_covariance[[ping]] = (
-                self.histories.mean_and_covariance(np.array([ping]))
-            )
+            (
+                self.online[[ping]],
+                self.online_covariance[[ping]],
+            ) = self.histories.mean_and_covariance(np.array([ping]))
             if now_s - last_s >= self._period_s:
                 last_s = now_s
                 self._learn(now_s)

@@ -22,9 +22,7 @@ def online_track(run: SurveyRun) -> np.ndarray:
     The graph is made as often as the package's own, smoothing/period_s.
     """
     dead_reckoning = run.dead_reckoning[:, PLANAR]
-    smoother = _smoothing.Smoother(
-        smoothing_params(run.config), run.stamp_s[0], dead_reckoning[0]
-    )
+    smoother = _smoothing.Smoother(smoothing_params(run.config), run.stamp_s[0], dead_reckoning[0])
     beams_of_ping = np.bincount(run.ping_of_beam, minlength=len(run.stamp_s))
     first_beam = np.concatenate([[0], np.cumsum(beams_of_ping)])
     period_s = default_parameters()["smoothing"]["period_s"]

@@ -1,6 +1,6 @@
 """Independent GP tiles with margins, after Krasnosky and Roman (2022).
 
-Each tile is an exact Gaussian process of the beams in it and in its margin, with a model of its own.
+Each tile is an exact Gaussian process of the beams in it and in its margin, with its own model.
 """
 
 from __future__ import annotations
@@ -42,9 +42,7 @@ class TiledGp:
 
     def learn(self, pings: np.ndarray) -> None:
         """Take the pings' beams into all tiles that they lie in, with margins."""
-        beams = np.concatenate(
-            [self._histories.beams_of(ping, BEAMS_PER_PING) for ping in pings]
-        )
+        beams = np.concatenate([self._histories.beams_of(ping, BEAMS_PER_PING) for ping in pings])
         xy_m = self._histories.placed_by_mean(beams)
         reached = [np.floor((xy_m + side) / TILE_M) for side in _SIDES_M]
         for i, j in np.unique(np.concatenate(reached), axis=0).astype(int):

@@ -68,7 +68,8 @@ void SmoothingWorker::tellFilter() {
   if (!is_last_) return;
   const auto found = result();
   ROS_INFO(
-      "Past smoothed: %zu of %zu closures accepted, %zu absolute fixes, %.1f s of processor in all.",
+      "Past smoothed: %zu of %zu closures accepted, %zu absolute fixes, %.1f s of processor in "
+      "all.",
       found->accepted, found->closures.size(), found->fixes, found->processor_s);
   is_last_done_ = true;
 }
