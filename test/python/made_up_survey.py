@@ -140,7 +140,7 @@ def make_run(seed=0):
         particles=100, nodes=2, seed=seed, pings=len(truth), pings_dropped=0, wall_s=150.0
     )
     statistics.update(beams=len(z), duration_s=duration_s, iterations_total=90_000)
-    statistics.update(loop_closure_prompts=60, resamplings=5)
+    statistics.update(loop_closure_prompts=60, resamplings=5, founders=1, smoothing_s=5.4)
     statistics["health"] = {"pings_dropped": 0, "refused": {"pings/no_beams": 3}, "journal": "kept"}
     statistics["peak_rss_mb"] = {"rbpf_core": 210.4, "svgp_node_0": np.float32(812.5)}
     return SurveyRun(

@@ -165,7 +165,9 @@ def test_elongated_surveys_stack_and_square_ones_stand_side_by_side(run):
 
 
 def test_shadows_end_with_the_seabed():
-    axes = Figure(figsize=(2, 2)).add_axes([0, 0, 1, 1])
+    figure = Figure(figsize=(2, 2))
+    figure.set_layout_engine("none")  # whatever style is in force
+    axes = figure.add_axes([0, 0, 1, 1])
     z = -0.3 * np.add.outer(np.arange(8.0) ** 2, np.arange(8.0))
     z[4:] = np.nan
     look = {"cmap": "gray", "vmin": -30, "vmax": 0, "interpolation": "bilinear"}
