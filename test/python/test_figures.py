@@ -166,8 +166,9 @@ def test_elongated_surveys_stack_and_square_ones_stand_side_by_side(run):
 
 def test_shadows_end_with_the_seabed():
     figure = Figure(figsize=(2, 2))
-    figure.set_layout_engine("none")  # whatever style is in force
+    figure.set_layout_engine("none")  # whatever style is in force: bench sets one for its process
     axes = figure.add_axes([0, 0, 1, 1])
+    axes.grid(False)
     z = -0.3 * np.add.outer(np.arange(8.0) ** 2, np.arange(8.0))
     z[4:] = np.nan
     look = {"cmap": "gray", "vmin": -30, "vmax": 0, "interpolation": "bilinear"}
