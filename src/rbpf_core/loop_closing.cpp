@@ -183,6 +183,7 @@ StepResult LoopClosing::weigh(const PlacedPing& ping) {
       });
     }
   } catch (const std::exception& error) {
+    note([](auto& statistics) { ++statistics.prompts_failed; });
     skip(error.what());
     return {StepOutcome::kFailed, error.what()};
   }

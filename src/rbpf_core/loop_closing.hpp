@@ -31,6 +31,8 @@ struct LoopClosingStatistics {
   std::uint32_t prompts = 0;
   std::uint32_t prompts_vetoed = 0;
   std::uint32_t prompts_skipped = 0;
+  // Those of them that a node failed at, by this process.
+  std::uint32_t prompts_failed = 0;
   // Rolled back.
   std::uint32_t resamplings_failed = 0;
   // From one node to another, so far.

@@ -143,7 +143,6 @@ Answer SlamNode::promptNow() {
   } else {
     message = "not weighed: ";
   }
-  if (asked.outcome == StepOutcome::kFailed) ++prompts_failed_;
   const bool went_well =
       asked.outcome == StepOutcome::kPrompted || asked.outcome == StepOutcome::kResampled;
   return {asked.has_weighed && went_well, message + asked.why};
@@ -168,7 +167,6 @@ void SlamNode::closeLoops() {
   smoothing_.work();
   if (asked_prompt_.isAsked()) asked_prompt_.answer(promptNow());
   const auto [outcome, problem] = loop_closing_.step();
-  if (outcome == StepOutcome::kFailed) ++prompts_failed_;
   if (problem.empty()) return;
   if (outcome == StepOutcome::kFailed) {
     ROS_ERROR_THROTTLE(kPromptErrorPeriod_s, "Loop-closure prompt failed: %s", problem.c_str());
@@ -244,7 +242,7 @@ void SlamNode::tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const {
   status->prompts = closures.prompts;
   status->prompts_vetoed = closures.prompts_vetoed;
   status->prompts_skipped = closures.prompts_skipped;
-  status->prompts_failed = prompts_failed_;
+  status->prompts_failed = closures.prompts_failed;
   status->resamplings_failed = closures.resamplings_failed;
   status->maps_moved = closures.moved.maps;
   status->bytes_moved = closures.moved.bytes;

@@ -82,7 +82,6 @@ class SlamNode {
 
   Intake intake_;
 
-  std::atomic<std::uint32_t> prompts_failed_{0};
   std::atomic<bool> ends_{false};
   TriggerServices triggers_;
   // last: what it calls needs all of the above

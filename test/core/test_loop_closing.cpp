@@ -234,6 +234,7 @@ TEST_F(LoopClosingTest, KeepsTheWeightsWhenANodeFailsAndGoesOnWithTheNextPing) {
   EXPECT_EQ(step.problem, "node 1 did not answer");
   EXPECT_TRUE(weightsAreUniform());
   EXPECT_EQ(closing.statistics().prompts_skipped, 1U);
+  EXPECT_EQ(closing.statistics().prompts_failed, 1U);
   EXPECT_EQ(closing.statistics().message, "node 1 did not answer");
   EXPECT_EQ(closing.step().outcome, StepOutcome::kNotDue);
   maps.on_predict = nullptr;
