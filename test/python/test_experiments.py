@@ -117,6 +117,18 @@ def test_mistakes_are_told_in_one_line(arguments, message, tmp_path, capsys, mon
     assert message in error and error.count("\n") == 1
 
 
+def test_a_live_experiment_can_be_read_directly(tmp_path, monkeypatch):
+    def run_experiment(how, options, out_dir):
+        plans.append(how)
+        raise experiment_command.ExperimentError("that is all")
+
+    plans = []
+    monkeypatch.setattr(experiment_command, "run_experiment", run_experiment)
+    for more in ([], ["--offline"]):
+        assert experiment_command.main(["exp2", *more, "--out", str(tmp_path)]) == 2
+    assert [(how.live, how.other_load > 0) for how in plans] == [(True, True), (False, False)]
+
+
 def test_an_overlay_that_is_no_set_of_parameters_is_named(tmp_path, capsys):
     for text in ("- 1\n", "a: [\n"):
         path = tmp_path / "mine.yaml"

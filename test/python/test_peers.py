@@ -24,7 +24,7 @@ RULE = WeightRule(0.3, 30.0, 4.0, 0.3, 4.0, 0.25, 0.5)
 @pytest.fixture(scope="module")
 def survey():
     """Some five minutes over relief, with drift that is worth correcting."""
-    return simulated_runs.simulated_run("fractal relief with dunes", 1, 0.2, "demo")
+    return simulated_runs.simulated_run("fractal relief with dunes", 6, 0.2, "demo")
 
 
 @pytest.fixture
@@ -166,13 +166,14 @@ def test_tiles_have_the_beams_of_their_margins(histories):
 def test_a_peer_is_better_than_dead_reckoning_and_repeats_itself(survey, name):
     run = peer_run(name, survey, 1, particles=20)
     dr_m = ate_rmse(survey.dead_reckoning, survey.ground_truth)
-    # With so few particles and lines the worst reaches 0.93 of it; without maps it would be all.
-    assert ate_rmse(run.online, survey.ground_truth) < 0.96 * dr_m
+    # They reach 0.36 to 0.61 of it on this survey; without maps it would be all of it.
+    assert ate_rmse(run.online, survey.ground_truth) < 0.8 * dr_m
     again = peer_run(name, survey, 1, particles=20)
-    # Products of matrices are summed in an order that the free threads decide; what this changes
-    # grows from prompt to prompt. (The study has one thread.)
-    np.testing.assert_allclose(again.estimate, run.estimate, rtol=0, atol=0.05)
-    np.testing.assert_allclose(again.online, run.online, rtol=0, atol=0.05)
+    # Of GPs the last digits are not always the same, with one thread neither, and what that
+    # changes grows from prompt to prompt: by up to 4e-4 m in some runs.
+    same_m = 0.05 if name.startswith("gp_") else 0.0
+    np.testing.assert_allclose(again.estimate, run.estimate, rtol=0, atol=same_m)
+    np.testing.assert_allclose(again.online, run.online, rtol=0, atol=same_m)
 
 
 def test_a_report_has_the_studys_fields(survey, tmp_path, monkeypatch):
