@@ -7,6 +7,7 @@ from typing import Any, Mapping, Sequence
 import numpy as np
 
 from rbpf_svgp_slam import _gmrf
+from rbpf_svgp_slam.gmrf.beam_weights import BeamWeights
 from rbpf_svgp_slam.gmrf.gmrf_config import GmrfConfig
 from rbpf_svgp_slam.gmrf.gmrf_map import GmrfMap
 from rbpf_svgp_slam.gmrf.study import Study
@@ -23,6 +24,7 @@ class GmrfGroup(MapGroup):
     def __init__(self, config: GmrfConfig) -> None:
         self._study = Study(config)
         self._pool = _gmrf.TilePool()
+        self._weights = BeamWeights()
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any], survey_area: np.ndarray) -> GmrfGroup:
@@ -30,6 +32,10 @@ class GmrfGroup(MapGroup):
 
     def create(self) -> GmrfMap:
         return GmrfMap(self._field, self._evidence)
+
+    def create_anew(self) -> GmrfMap:
+        self._weights.begin_refolding()
+        return self.create()
 
     def load(self, data: bytes) -> GmrfMap:
         return GmrfMap.from_bytes(data, self._pool, self._field, self._evidence)
@@ -50,10 +56,13 @@ class GmrfGroup(MapGroup):
 
     def take_in(self, maps: Sequence[GmrfMap], block: LogBlock) -> None:
         levelled = _gmrf.LevelledBlock(block.levelled, block.ping_of_beam, len(block.beams_of_ping))
+        cores = [one.begin(block.levelled[:, 2]) for one in maps]
         # What lies off the seabed does so in every map: the first one tells.
-        first = block.placed(0).astype(float)
-        cores = [one.begin(first) for one in maps]
-        weights = cores[0].robust_weights(self._study.field, first)
+        weights = self._weights.of(
+            maps[0].next_beam,
+            len(block),
+            lambda: cores[0].robust_weights(self._study.field, block.placed(0).astype(float)),
+        )
         _gmrf.fold_into_all(cores, levelled, block.poses.tobytes(), weights)
         for one in maps:
             one.count(len(block))

@@ -68,14 +68,14 @@ class GmrfMap(StreamMap):
 
     def take_in(self, beams: np.ndarray) -> None:
         beams = np.asarray(beams, dtype=float)
-        core = self.begin(beams)
+        core = self.begin(beams[:, 2])
         core.fold(beams, core.robust_weights(self.field, beams))
         self.count(len(beams))
 
-    def begin(self, beams: np.ndarray) -> _gmrf.Map:
-        """The library's map, made for these beams [n, 3] if they are the first."""
+    def begin(self, z_m: np.ndarray) -> _gmrf.Map:
+        """The library's map, made for beams at these heights [n] if they are the first."""
         if self.core is None:
-            self.core = _gmrf.Map(self.field.model.spacing_m, float(np.median(beams[:, 2])))
+            self.core = _gmrf.Map(self.field.model.spacing_m, float(np.median(z_m)))
         return self.core
 
     def count(self, beams: int) -> None:

@@ -33,7 +33,10 @@ class LogBlock:
 
     def part(self, first: int, last: int) -> LogBlock:
         """Its beams first .. last - 1, and the poses of their pings."""
-        return self.beams_at(np.arange(first, last))
+        ends = np.clip(np.cumsum(self.beams_of_ping), first, last)
+        counts = np.diff(ends, prepend=first)
+        pings = np.flatnonzero(counts)
+        return LogBlock(self.levelled[first:last], counts[pings], self.poses[:, pings])
 
     def beams_at(self, numbers: np.ndarray) -> LogBlock:
         """Some of its beams, numbers [n] rising, and the poses of their pings."""
