@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up_survey import make_run
 
-from rbpf_svgp_slam.metrics.ideal_metrics import ideal_metrics
+from rbpf_svgp_slam.metrics.ideal_metrics import DRAWS, ideal_metrics
 from rbpf_svgp_slam.metrics.trajectory_errors import ate_rmse
 from rbpf_svgp_slam.smoothing import ideal as yardstick
 from rbpf_svgp_slam.smoothing.ideal import IdealTrack, ideal
@@ -100,6 +100,16 @@ def test_the_same_survey_gives_the_same_numbers(tracks):
     again = make_run()
     again = ideal(again, smoothing_params(again.config))
     np.testing.assert_array_equal(again.smoothed, tracks.smoothed)
+
+
+def test_the_report_has_the_root_mean_square_of_several_draws(run):
+    params = smoothing_params(run.config)
+    draws = [ideal(run, params, seed) for seed in range(DRAWS)]
+    errors_m = [ate_rmse(one.smoothed, one.truth) for one in draws]
+    assert len(set(errors_m)) == DRAWS, "each draw is one of its own"
+    reported_m = ideal_metrics(run, [])["ideal_ate_rmse_m"]
+    assert min(errors_m) < reported_m < max(errors_m)
+    assert reported_m**2 == pytest.approx(np.mean(np.square(errors_m)))
 
 
 def test_where_it_cannot_be_known(run):

@@ -23,7 +23,6 @@ OLDER = 3
 SOLVED_EVERY, MOST_SOLUTIONS = 5, 200
 #: Of a swath's beams the share that lies within its half width, as the smoother has it.
 WITHIN = 0.9
-SEED = 0
 PLANAR = [0, 1, 5]
 
 
@@ -37,8 +36,11 @@ class Ideal:
     closures: int  # true relative poses that it was given
 
 
-def ideal(run: SurveyRun, params: _smoothing.SmoothingParams) -> Ideal | None:
-    """Return what the survey of a run allows; None where ground truth or beams are missing."""
+def ideal(run: SurveyRun, params: _smoothing.SmoothingParams, seed: int = 0) -> Ideal | None:
+    """Return what the survey of a run allows; None where ground truth or beams are missing.
+
+    seed: of the relative poses' errors. One draw of them may be a lucky one.
+    """
     if run.ground_truth is None or not len(run.levelled):
         return None
     known = np.isfinite(run.dead_reckoning).all(axis=1) & np.isfinite(run.ground_truth).all(axis=1)
@@ -47,7 +49,9 @@ def ideal(run: SurveyRun, params: _smoothing.SmoothingParams) -> Ideal | None:
         return None
     nodes = pings[_spaced(run.stamp_s[pings], params.registration.node_period_s)]
     stamp_s, truth = run.stamp_s[nodes], run.ground_truth[nodes]
-    track = IdealTrack(params, stamp_s, run.dead_reckoning[nodes][:, PLANAR], truth[:, PLANAR])
+    track = IdealTrack(
+        params, stamp_s, run.dead_reckoning[nodes][:, PLANAR], truth[:, PLANAR], seed
+    )
     closures = track.run(_half_widths(run, nodes))
     smoothed, online = run.dead_reckoning[nodes].copy(), run.dead_reckoning[nodes].copy()
     smoothed[:, PLANAR], online[:, PLANAR] = track.smoothed, track.online
@@ -63,13 +67,14 @@ class IdealTrack:
         stamp_s: np.ndarray,
         dead_reckoning: np.ndarray,
         truth: np.ndarray,
+        seed: int = 0,
     ) -> None:
-        """stamp_s [K], increasing."""
+        """stamp_s [K], increasing; seed: of the relative poses' errors."""
         self._min_apart_s = params.registration.min_apart_s
         self._stamp_s, self._truth = stamp_s, truth
         self._moved = relative_pose(dead_reckoning[:-1], dead_reckoning[1:])
         self._graph = _smoothing.PoseGraph(params, stamp_s[0], dead_reckoning[0])
-        self._rng = np.random.default_rng(SEED)
+        self._rng = np.random.default_rng(seed)
         #: Each node's pose when it came, and when the last one had come.
         self.online = dead_reckoning.copy()
         self.smoothed = dead_reckoning.copy()
