@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <string>
 
 #include "rbpf_node/beam_requests.hpp"
@@ -48,6 +49,20 @@ rbpf_svgp_slam::Closure toMessage(const rbpf_core::smoothing::Closure& closure) 
   return message;
 }
 
+rbpf_svgp_slam::Fix toMessage(const rbpf_core::FixRecord& record) {
+  const rbpf_core::Fix& fix = record.fix;
+  const rbpf_core::Pose2& reckoned = record.dead_reckoning;
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  rbpf_svgp_slam::Fix message;
+  message.stamp = fix.stamp_s;
+  message.position = {fix.position_m.x(), fix.position_m.y()};
+  message.covariance = {fix.covariance_m2(0, 0), fix.covariance_m2(0, 1), fix.covariance_m2(1, 1)};
+  message.yaw = fix.heading ? fix.heading->yaw_rad : unknown;
+  message.yaw_variance = fix.heading ? fix.heading->variance_rad2 : unknown;
+  message.dead_reckoning = {reckoned.x_m, reckoned.y_m, reckoned.yaw_rad};
+  return message;
+}
+
 }  // namespace
 
 Services::Services(ros::NodeHandle private_node, std::uint64_t survey,
@@ -63,6 +78,7 @@ Services::Services(ros::NodeHandle private_node, std::uint64_t survey,
       "get_beams", &Services::serveBeams<GetBeams::Request, GetBeams::Response>, this);
   ping_server_ = private_node.advertiseService("get_pings", &Services::getPings, this);
   closure_server_ = private_node.advertiseService("get_closures", &Services::getClosures, this);
+  fix_server_ = private_node.advertiseService("get_fixes", &Services::getFixes, this);
 }
 
 template <typename Request, typename Response>
@@ -114,6 +130,16 @@ bool Services::getClosures(rbpf_svgp_slam::GetClosures::Request&,
                            rbpf_svgp_slam::GetClosures::Response& response) {
   for (const auto& closure : smoothing_.result()->closures) {
     response.closures.push_back(toMessage(closure));
+  }
+  response.success = true;
+  return true;
+}
+
+bool Services::getFixes(rbpf_svgp_slam::GetFixes::Request&,
+                        rbpf_svgp_slam::GetFixes::Response& response) {
+  const rbpf_core::FilterSnapshot snapshot = filter_.snapshot();
+  for (std::size_t i = 0; i < snapshot.fixes(); ++i) {
+    response.fixes.push_back(toMessage(snapshot.fix(i)));
   }
   response.success = true;
   return true;

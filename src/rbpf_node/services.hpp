@@ -6,13 +6,15 @@
 #include "rbpf_core/loop_closing.hpp"
 #include "rbpf_node/smoothing_worker.hpp"
 #include "rbpf_svgp_slam/GetClosures.h"
+#include "rbpf_svgp_slam/GetFixes.h"
 #include "rbpf_svgp_slam/GetPings.h"
 
 namespace rbpf_node {
 
 class Services {
  public:
-  // Advertises ~get_minibatches, ~get_beams, ~get_pings and ~get_closures. survey: its token.
+  // Advertises ~get_minibatches, ~get_beams, ~get_pings, ~get_closures and ~get_fixes.
+  // survey: its token.
   Services(ros::NodeHandle private_node, std::uint64_t survey,
            const rbpf_core::ParticleFilter& filter, const rbpf_core::LoopClosing& loop_closing,
            const SmoothingWorker& smoothing);
@@ -25,6 +27,8 @@ class Services {
                 rbpf_svgp_slam::GetPings::Response& response);
   bool getClosures(rbpf_svgp_slam::GetClosures::Request& request,
                    rbpf_svgp_slam::GetClosures::Response& response);
+  bool getFixes(rbpf_svgp_slam::GetFixes::Request& request,
+                rbpf_svgp_slam::GetFixes::Response& response);
 
   const std::uint64_t survey_;
   const rbpf_core::ParticleFilter& filter_;
@@ -34,6 +38,7 @@ class Services {
   ros::ServiceServer beam_server_;
   ros::ServiceServer ping_server_;
   ros::ServiceServer closure_server_;
+  ros::ServiceServer fix_server_;
 };
 
 }  // namespace rbpf_node

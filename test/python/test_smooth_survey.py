@@ -1,5 +1,6 @@
 """smooth_survey.py: folders adjusted, ours and another program's; and what it says of bad ones."""
 
+import dataclasses
 import json
 import re
 import shutil
@@ -13,6 +14,8 @@ from made_up_survey import write_run
 
 from rbpf_svgp_slam.evaluation.evaluate_run import main as evaluate_run
 from rbpf_svgp_slam.evaluation.smooth_survey import main
+from rbpf_svgp_slam.metrics.trajectory_errors import ate_rmse
+from rbpf_svgp_slam.run.fixes import Fixes
 from rbpf_svgp_slam.run.run_files import load_run
 from rbpf_svgp_slam.smoothing import smooth_run as smoothing
 from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
@@ -146,6 +149,47 @@ def test_a_survey_that_tells_nothing_stays_as_it_was(run):
     )
     assert len(result.closures.stamp) == 0
     np.testing.assert_allclose(result.poses[:, :2], dead_reckoning[:, :2], atol=1e-6)
+
+
+def true_fixes(run, pings, covariance=(0.01, 0.0, 0.01)):
+    where = run.ground_truth[pings][:, :2]
+    return Fixes(run.stamp_s[pings], where, np.tile(covariance, (len(pings), 1)))
+
+
+def test_fixes_of_the_run_turn_the_whole_of_it(run, folder):
+    """Of which no overlap tells; one that is 50 m off is weighed down."""
+    run = dataclasses.replace(run, config={**run.config, "start": {"yaw_std_rad": 0.05}})
+    fixes = true_fixes(run, np.linspace(10, len(run.stamp_s) - 1, 12).astype(int))
+    fixes.position[5] += 50.0
+    params = smoothing_params(run.config)
+    without, _ = smoothing.smooth_run(run, params)
+    # The order in which they came is another one.
+    shuffled = Fixes(**{name: value[::-1] for name, value in vars(fixes).items()})
+    with_fixes, _ = smoothing.smooth_run(dataclasses.replace(run, fixes=shuffled), params)
+    error_m = [ate_rmse(one.estimate, run.ground_truth) for one in (without, with_fixes)]
+    assert error_m[1] < 0.5 * error_m[0]
+    # By the command, through the folder: closer than without, and the fixes are kept.
+    np.savez(folder / "fixes.npz", **{name: vars(fixes)[name] for name in Fixes.needed()})
+    assert main([str(folder)]) == 0
+    again = load_run(folder / "smoothed")
+    assert len(again.fixes) == 12 and np.isfinite(again.estimate).all()
+    assert ate_rmse(again.estimate, run.ground_truth) < error_m[0]
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"covariance": (1.0, 2.0, 1.0)}, r"fix 0 .* positive definite"),
+        ({"position": (np.nan, 0.0)}, r"fix 0 lies at \[nan, 0.0\] m.* expected finite"),
+        ({"stamp": 1e9}, r"fix 0 is of 1000000000.000 s, where dead_reckoning.tum has no pose"),
+    ],
+)
+def test_fixes_that_cannot_be_used_are_named(run, changes, message):
+    fixes = true_fixes(run, np.array([3]))
+    for name, value in changes.items():
+        getattr(fixes, name)[0] = value
+    with pytest.raises(ValueError, match=f"fixes.npz: {message}"):
+        smoothing.smooth_run(dataclasses.replace(run, fixes=fixes), smoothing_params({}))
 
 
 def said(capsys):

@@ -299,6 +299,26 @@ class CoreTest(unittest.TestCase):
         np.testing.assert_allclose(
             poses[:, [0, 1, 5]], [[120, 10, 1.57], [120, 12, 1.57]], atol=0.5
         )
+        self.fixes_are_taken_where_they_agree(start)
+
+    def fixes_are_taken_where_they_agree(self, like):
+        fixes = publisher("fixes", PoseWithCovarianceStamped)
+        fix = PoseWithCovarianceStamped(pose=like.pose)
+        fix.header.stamp, fix.header.frame_id = rospy.Time(2), "map"
+        fix.pose.pose.position.y = 12.5
+        fix.pose.covariance = np.diag([1.0, 4.0, 1.0, 1.0, 1.0, 1.0]).ravel().tolist()
+        fixes.publish(fix)
+        fix.pose.pose.position.x = 180.0
+        fixes.publish(fix)
+        status = self.await_status(lambda now: now.fixes and now.fixes_refused > 1)
+        refused = dict(zip(status.refusal_reasons, status.refusal_examples))
+        self.assertIn("lies 60.0 m from the estimate", refused["fixes/contradicts"])
+        (taken,) = service("get_fixes", srv.GetFixes)().fixes
+        self.assertEqual((taken.stamp, taken.position), (2.0, (120.0, 12.5)))
+        self.assertEqual(taken.covariance, (1.0, 0.0, 4.0))
+        self.assertTrue(np.isnan([taken.yaw, taken.yaw_variance]).all(), "a fix has no heading")
+        # 2 m/s for a second from the pose that was given, without the particles' noise
+        np.testing.assert_allclose(taken.dead_reckoning, (120.0, 12.0, np.pi / 2), atol=1e-6)
 
     def await_status(self, is_wanted):
         deadline_s = time.monotonic() + PATIENCE_S

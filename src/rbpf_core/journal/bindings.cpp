@@ -3,6 +3,8 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <limits>
+
 #include "rbpf_core/journal/resume.hpp"
 
 namespace py = pybind11;
@@ -61,6 +63,34 @@ void addPings(const FilterSnapshot& filter, py::dict* survey) {
   (*survey)["levelled"] = levelled;
 }
 
+// Columns as the fields of Fix.msg.
+void addFixes(const FilterSnapshot& filter, py::dict* survey) {
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  const auto F = static_cast<Eigen::Index>(filter.fixes());
+  Eigen::VectorXd stamp(F), yaw(F), yaw_variance(F);
+  Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor> position(F, 2);
+  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> covariance(F, 3), reckoned(F, 3);
+  for (Eigen::Index i = 0; i < F; ++i) {
+    const FixRecord& record = filter.fix(static_cast<std::size_t>(i));
+    const Eigen::Matrix2d& known = record.fix.covariance_m2;
+    const Pose2& pose = record.dead_reckoning;
+    stamp[i] = record.fix.stamp_s;
+    position.row(i) = record.fix.position_m;
+    covariance.row(i) << known(0, 0), known(0, 1), known(1, 1);
+    yaw[i] = record.fix.heading ? record.fix.heading->yaw_rad : unknown;
+    yaw_variance[i] = record.fix.heading ? record.fix.heading->variance_rad2 : unknown;
+    reckoned.row(i) << pose.x_m, pose.y_m, pose.yaw_rad;
+  }
+  py::dict fixes;
+  fixes["stamp"] = stamp;
+  fixes["position"] = position;
+  fixes["covariance"] = covariance;
+  fixes["yaw"] = yaw;
+  fixes["yaw_variance"] = yaw_variance;
+  fixes["dead_reckoning"] = reckoned;
+  (*survey)["fixes"] = fixes;
+}
+
 py::dict read(const std::string& path) {
   ParticleFilter filter(paramsIn(path));
   const ResumedSurvey resumed = resumeFrom(path, &filter);
@@ -70,7 +100,7 @@ py::dict read(const std::string& path) {
   survey["settings"] = resumed.settings.text;
   survey["resamplings"] = resumed.epoch;
   survey["prompts"] = resumed.loop_closing.prompts;
-  survey["fixes"] = snapshot.fixes();
+  addFixes(snapshot, &survey);
   survey["records"] = resumed.records;
   survey["programs"] = resumed.programs;
   survey["whole_bytes"] = resumed.whole_bytes;
@@ -87,7 +117,8 @@ PYBIND11_MODULE(_journal, m) {
         "The survey of a journal, P pings with N beams: stamp_s [P], estimate, online and "
         "dead_reckoning [P, 6] x y z roll pitch yaw, estimate_covariance and online_covariance "
         "[P, 6] xx, xy, x yaw, yy, y yaw, yaw yaw, held_out and beams_per_ping [P], levelled "
-        "[N, 3]; m, rad, frame map. settings: the program's parameters as XML-RPC. "
+        "[N, 3]; m, rad, frame map. fixes: columns as the fields of Fix.msg. settings: the "
+        "program's parameters as XML-RPC. "
         "programs: that have written it, one after the other. lost_bytes: of "
         "a damaged tail, why_lost says why. Raises RuntimeError that names what is wrong.");
 }

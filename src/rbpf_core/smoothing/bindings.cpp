@@ -5,6 +5,9 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <optional>
+#include <utility>
+
 #include "rbpf_core/smoothing/smoother.hpp"
 
 namespace py = pybind11;
@@ -71,6 +74,14 @@ void addPings(Smoother& smoother, const Eigen::VectorXd& stamps_s, const Rows3& 
   }
 }
 
+void addFix(Smoother& smoother, double stamp_s, const Eigen::Vector2d& position_m,
+            const Eigen::Matrix2d& covariance_m2, const Eigen::Vector3d& dead_reckoning,
+            std::optional<std::pair<double, double>> heading) {
+  FixRecord record{{stamp_s, position_m, covariance_m2}, toPose(dead_reckoning)};
+  if (heading) record.fix.heading = Heading{heading->first, heading->second};
+  smoother.addFix(record);
+}
+
 }  // namespace
 
 PYBIND11_MODULE(_smoothing, m) {
@@ -110,6 +121,9 @@ PYBIND11_MODULE(_smoothing, m) {
           py::arg("params"), py::arg("stamp_s"), py::arg("start"))
       .def("add_pings", &addPings, py::arg("stamps_s"), py::arg("dead_reckoning"),
            py::arg("beams_m"), py::arg("beams_of_ping"), Unlocked())
+      .def("add_fix", &addFix, py::arg("stamp_s"), py::arg("position_m"), py::arg("covariance_m2"),
+           py::arg("dead_reckoning"), py::arg("heading") = py::none(),
+           "heading: yaw, rad, and its variance, rad^2.")
       .def("finish_pings", &Smoother::finishPings, Unlocked())
       .def("update", &Smoother::update, Unlocked())
       .def("register_again", &Smoother::registerAgain, Unlocked())

@@ -38,6 +38,7 @@ A folder of another program is scored too. Without alignment, in one frame map, 
                       optional estimate_covariance, online_covariance [P, 6] of the two estimates:
                       xx, xy, x yaw, yy, y yaw, yaw yaw (m2, m rad, rad2)
   closures.npz        loop closures, arrays as the fields of Closure.msg; optional
+  fixes.npz           absolute positions, arrays as the fields of Fix.msg; optional
   report.json, parameters.yaml, history.npz   optional
 Without survey.npz the trajectories alone are scored: trajectory.tum and ground_truth.tum, and
 dead_reckoning.tum and online.tum if they are there; their stamps may differ, poses are

@@ -15,6 +15,7 @@ from rbpf_svgp_slam import _journal
 from rbpf_svgp_slam.evaluation.report import write_report
 from rbpf_svgp_slam.exports.after_run import export_after_run
 from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.run.fixes import Fixes
 from rbpf_svgp_slam.run.run_files import load_run, save_run
 from rbpf_svgp_slam.run.survey_run import GridMap, SurveyRun
 from rbpf_svgp_slam.run.tracks import GROUND_TRUTH_GAP_S, interpolate_poses, read_tum
@@ -83,6 +84,7 @@ def _run(survey: dict[str, Any], journal: Path, ground_truth: np.ndarray | None)
         levelled=survey["levelled"].astype(float),
         ping_of_beam=np.repeat(np.arange(pings), survey["beams_per_ping"]),
         ground_truth=ground_truth,
+        fixes=Fixes(**survey["fixes"]),
         map=nothing,
         predict=lambda xy: (np.full(len(xy), np.nan), np.full(len(xy), np.nan)),
         noise_variance_m2=np.nan,
@@ -118,7 +120,7 @@ def _statistics(survey: dict[str, Any], journal: Path, config: dict[str, Any]) -
         "duration_s": float(stamp_s[-1] - stamp_s[0]),
         "loop_closure_prompts": survey["prompts"],
         "resamplings": survey["resamplings"],
-        "fixes": survey["fixes"],
+        "fixes": len(survey["fixes"]["stamp"]),
         "health": {
             "core_resumed": survey["programs"] - 1,
             "journal": _lost(survey) if survey["lost_bytes"] else "whole",

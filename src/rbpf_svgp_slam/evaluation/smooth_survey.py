@@ -24,11 +24,12 @@ from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
 _DESCRIPTION = """Adjust the track of a survey that is over by what its passes tell each other.
 
 Windows of pings are laid on small maps of older passes, and a pose graph brings dead reckoning and
-what they tell together: docs/closures.md. Nothing but dead reckoning and beams of the run folder is
-used, not its trajectory nor its ground truth. DIR may be another program's: evaluate_run.py --help
-tells what it holds. The folder OUT is a run folder, too: trajectory.tum with covariances,
-closures.npz, map.npz and seabed.npz of the adjusted track, report.json and report.html; with a
-survey_origin, export/ too, as export_map.py writes it. In DIR nothing is changed."""
+what they tell together: docs/closures.md. Nothing but dead reckoning, beams and fixes of the run
+folder is used, not its trajectory nor its ground truth. DIR may be another program's:
+evaluate_run.py --help tells what it holds. The folder OUT is a run folder, too: trajectory.tum with
+covariances, closures.npz, map.npz and seabed.npz of the adjusted track, report.json and
+report.html; with a survey_origin, export/ too, as export_map.py writes it. In DIR nothing is
+changed."""
 
 #: What report.json says of the survey; the rest of it was about the run that is adjusted.
 _OF_SURVEY = (

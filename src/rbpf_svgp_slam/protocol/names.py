@@ -14,6 +14,7 @@ GET_MINIBATCHES = f"{CORE}/get_minibatches"
 GET_BEAMS = f"{CORE}/get_beams"
 GET_PINGS = f"{CORE}/get_pings"
 GET_CLOSURES = f"{CORE}/get_closures"
+GET_FIXES = f"{CORE}/get_fixes"
 TAKE_TURN = f"{CORE}/take_turn"
 FINISH = f"{CORE}/finish"
 #: Topics of the best particle's map, published by its node.

@@ -17,7 +17,12 @@ from rbpf_svgp_slam.recorder.map_sample import sampled_map_rmse
 from rbpf_svgp_slam.recorder.provenance import provenance
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import refusals
-from rbpf_svgp_slam.recorder.survey_client import fetch_closures, fetch_map, fetch_survey
+from rbpf_svgp_slam.recorder.survey_client import (
+    fetch_closures,
+    fetch_fixes,
+    fetch_map,
+    fetch_survey,
+)
 from rbpf_svgp_slam.run.aside import written_aside
 from rbpf_svgp_slam.run.run_files import engine_predictor, load_terrain
 from rbpf_svgp_slam.run.survey_run import GridMap, StoredMap, SurveyRun
@@ -55,6 +60,7 @@ def assemble_run(
         online=survey.online,
         online_covariance=survey.online_covariance,
         closures=fetch_closures(),
+        fixes=fetch_fixes(),
         dead_reckoning=survey.dead_reckoning,
         ground_truth=recording.ground_truth.at(survey.stamp_s),
         levelled=survey.levelled,

@@ -12,7 +12,8 @@ from std_srvs.srv import Trigger
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.shares import owner
 from rbpf_svgp_slam.run.closures import Closures
-from rbpf_svgp_slam.srv import GetClosures, GetMaps, GetPings
+from rbpf_svgp_slam.run.fixes import Fixes
+from rbpf_svgp_slam.srv import GetClosures, GetFixes, GetMaps, GetPings
 
 PINGS_A_CALL = 1000
 # With a core that is started again, and reads its journal first.
@@ -97,6 +98,14 @@ def fetch_closures() -> Closures:
     if not answer.success:
         raise RuntimeError(f"{names.GET_CLOSURES} refused: {answer.message}")
     return Closures.of(answer.closures)
+
+
+def fetch_fixes() -> Fixes:
+    """The fixes that the filter has taken. Raises RuntimeError if the core refuses."""
+    answer = rospy.ServiceProxy(names.GET_FIXES, GetFixes)()
+    if not answer.success:
+        raise RuntimeError(f"{names.GET_FIXES} refused: {answer.message}")
+    return Fixes.of(answer.fixes)
 
 
 def fetch_map(particle: int, epoch: int, particles: int, nodes: int) -> bytes:

@@ -2,8 +2,9 @@
 
 trajectory.tum, online.tum, dead_reckoning.tum, ground_truth.tum: the pings' poses; map.npz: the map
 on its grid, and the engine's own state; survey.npz: the pings' beams, and the covariances of the
-first two; closures.npz: the loop closures; history.npz: the filter's status over time;
-time_lapse.npz: one particle's map as it grew; parameters.yaml: the full parameter set.
+first two; closures.npz: the loop closures; fixes.npz: the absolute positions, if any; history.npz:
+the filter's status over time; time_lapse.npz: one particle's map as it grew; parameters.yaml: the
+full parameter set.
 report.json, report.html, seabed.npz and time_lapse.gif are made of these; what only the running
 system knew stands in report.json alone.
 """
@@ -11,9 +12,8 @@ system knew stands in report.json alone.
 from __future__ import annotations
 
 import json
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import yaml
@@ -22,6 +22,8 @@ from scipy.interpolate import RegularGridInterpolator
 from rbpf_svgp_slam.npz import READING_ERRORS
 from rbpf_svgp_slam.run.aside import written_aside
 from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.run.columns import Columns
+from rbpf_svgp_slam.run.fixes import Fixes
 from rbpf_svgp_slam.run.survey_run import GridMap, Predict, StoredMap, SurveyRun, TimeLapse
 from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum, write_tum
 
@@ -29,7 +31,8 @@ from rbpf_svgp_slam.run.tracks import interpolate_poses, read_tum, write_tum
 _SUPPORT_POINTS = "inducing_points"
 _COVARIANCES = ("estimate_covariance", "online_covariance")
 SEABED = "seabed.npz"
-_MAY_LACK = ("online.tum", "ground_truth.tum", "closures.npz", "time_lapse.npz")
+_MAY_LACK = ("online.tum", "ground_truth.tum", "closures.npz", "fixes.npz", "time_lapse.npz")
+_Columns = TypeVar("_Columns", bound=Columns)
 _TIME_LAPSE = ("t_s", "x", "y", "mean")
 _STAMP_TOLERANCE_S = 1e-6  # TUM files hold nine decimals, doubles of today's stamps seven
 
@@ -53,6 +56,8 @@ def _write_run(run: SurveyRun, out_dir: Path) -> None:
     _save_map(run, out_dir / "map.npz")
     if run.closures is not None:
         np.savez_compressed(out_dir / "closures.npz", **vars(run.closures))
+    if run.fixes:
+        np.savez_compressed(out_dir / "fixes.npz", **vars(run.fixes))
     covariances = {name: getattr(run, name) for name in _COVARIANCES}
     np.savez_compressed(
         out_dir / "survey.npz",
@@ -108,7 +113,8 @@ def load_run(out_dir: str | Path, terrain: str | Path | None = None) -> SurveyRu
         stamp_s=stamp_s,
         estimate=poses_at(out_dir / "trajectory.tum", stamp_s),
         dead_reckoning=poses_at(out_dir / "dead_reckoning.tum", stamp_s),
-        closures=_load_closures(out_dir / "closures.npz"),
+        closures=_load_columns(out_dir / "closures.npz", Closures),
+        fixes=_load_columns(out_dir / "fixes.npz", Fixes),
         levelled=survey["levelled"].astype(float),
         ping_of_beam=np.repeat(np.arange(len(stamp_s)), survey["beams_per_ping"]),
         held_out=survey["held_out"].astype(bool),
@@ -133,13 +139,12 @@ def _load_time_lapse(path: Path) -> TimeLapse | None:
     return TimeLapse(**{name: arrays[name] for name in _TIME_LAPSE})
 
 
-def _load_closures(path: Path) -> Closures | None:
+def _load_columns(path: Path, kind: type[_Columns]) -> _Columns | None:
     """None if there is no such file: a run of another program, or from before there were any."""
     if not path.is_file():
         return None
-    names = [field.name for field in fields(Closures)]
-    arrays = load_npz(path, tuple(names))
-    return Closures(**{name: arrays[name] for name in names})
+    arrays = load_npz(path, kind.needed())
+    return kind(**{name: arrays[name] for name in kind.names() if name in arrays})
 
 
 def load_tracks(out_dir: str | Path) -> SurveyRun:

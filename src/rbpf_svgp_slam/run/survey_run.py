@@ -10,6 +10,7 @@ import numpy as np
 
 from rbpf_svgp_slam.gmrf.survey_map import SurveyMap
 from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.run.fixes import Fixes
 from rbpf_svgp_slam.survey_area.grid import grid_points
 
 Predict = Callable[[np.ndarray], "tuple[np.ndarray, np.ndarray]"]
@@ -79,6 +80,7 @@ class SurveyRun:
     online: np.ndarray | None = None  # [P, 6] the estimate when each ping was taken in
     online_covariance: np.ndarray | None = None  # [P, 6]
     closures: Closures | None = None  # loop closures, if the run has recorded them
+    fixes: Fixes | None = None  # absolute positions, if the run has recorded them
     ground_truth: np.ndarray | None = None  # [P, 6], NaN rows where not covered
     terrain: GridMap | None = None  # the true seabed, if it was simulated
     statistics: dict[str, Any] = field(default_factory=dict)  # counters, go into report.json

@@ -1,16 +1,19 @@
-"""Smooths the past of a survey that is over, from its dead reckoning and beams alone."""
+"""Smooths the past of a survey that is over, from its dead reckoning, beams and fixes alone."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rbpf_svgp_slam import _smoothing
 from rbpf_svgp_slam.run.closures import Closures
+from rbpf_svgp_slam.run.fixes import Fixes
 from rbpf_svgp_slam.run.survey_run import SurveyRun
+from rbpf_svgp_slam.run.tracks import interpolate_poses
 
 PLANAR = [0, 1, 5]  # x, y, yaw of a pose
 _UPPER = np.triu_indices(3)
@@ -32,16 +35,20 @@ def smooth(
     levelled: np.ndarray,
     beams_per_ping: np.ndarray,
     params: _smoothing.SmoothingParams,
+    fixes: Fixes | None = None,
 ) -> Smoothed:
     """Register windows of pings to older passes, twice, and solve the pose graph.
 
     stamp_s [P]; dead_reckoning [P, 3] x, y, yaw (m, rad), which starts where the track does;
-    levelled [N, 3] m, finite: x forward, y left, z in map; beams_per_ping [P], adding up to N.
+    levelled [N, 3] m, finite: x forward, y left, z in map; beams_per_ping [P], adding up to N;
+    fixes: with dead reckoning at each.
     """
     started_s = time.process_time()
     smoother = _smoothing.Smoother(params, stamp_s[0], dead_reckoning[0])
     smoother.add_pings(stamp_s, dead_reckoning, levelled.astype(np.float32), beams_per_ping)
     smoother.finish_pings()
+    for fix in fixes.rows() if fixes else []:
+        _add(fix, smoother)
     smoother.update()
     # Windows that lay on bent tracks, and where they were expected, are better known by now.
     smoother.register_again()
@@ -51,6 +58,12 @@ def smooth(
         closures=_closures(smoother.closures),
         cpu_s=time.process_time() - started_s,
     )
+
+
+def _add(fix: dict[str, Any], smoother: _smoothing.Smoother) -> None:
+    covariance = fix["covariance"][[[0, 1], [1, 2]]]
+    heading = (fix["yaw"], fix["yaw_variance"]) if np.isfinite(fix["yaw"]) else None
+    smoother.add_fix(fix["stamp"], fix["position"], covariance, fix["dead_reckoning"], heading)
 
 
 def smooth_run(run: SurveyRun, params: _smoothing.SmoothingParams) -> tuple[SurveyRun, float]:
@@ -72,6 +85,7 @@ def smooth_run(run: SurveyRun, params: _smoothing.SmoothingParams) -> tuple[Surv
         run.levelled[good],
         np.bincount(run.ping_of_beam[good], minlength=len(known))[known],
         params,
+        _located(run.fixes, run) if run.fixes else None,
     )
     estimate = run.dead_reckoning.copy()
     estimate[np.ix_(known, PLANAR)] = smoothed.poses
@@ -81,6 +95,31 @@ def smooth_run(run: SurveyRun, params: _smoothing.SmoothingParams) -> tuple[Surv
         run, estimate=estimate, estimate_covariance=covariance, closures=smoothed.closures
     )
     return run, smoothed.cpu_s
+
+
+def _located(fixes: Fixes, run: SurveyRun) -> Fixes:
+    """With dead reckoning at each, and in their order, since a late one may end the track.
+
+    Raises ValueError that names a fix which is not as expected.
+    """
+    interpolated = interpolate_poses(run.stamp_s, run.dead_reckoning, fixes.stamp)[:, PLANAR]
+    known = np.isfinite(fixes.dead_reckoning).all(axis=1)
+    reckoned = np.where(known[:, None], fixes.dead_reckoning, interpolated)
+    for number, fix in enumerate(fixes.rows()):
+        a, b, c = fix["covariance"]
+        if not (np.isfinite([*fix["position"], fix["stamp"]]).all() and a > 0 and a * c > b * b):
+            raise ValueError(
+                f"fixes.npz: fix {number} lies at {fix['position'].tolist()} m, with covariance "
+                f"{[a, b, c]} m²; expected finite numbers, and a positive definite covariance"
+            )
+        if not np.isfinite(reckoned[number]).all():
+            raise ValueError(
+                f"fixes.npz: fix {number} is of {fix['stamp']:.3f} s, where dead_reckoning.tum has "
+                "no pose; expected one there, or in the array dead_reckoning"
+            )
+    in_order = np.argsort(fixes.stamp, kind="stable")
+    located = dataclasses.replace(fixes, dead_reckoning=reckoned)
+    return Fixes(**{name: getattr(located, name)[in_order] for name in Fixes.names()})
 
 
 def _closures(found: list[dict]) -> Closures:
