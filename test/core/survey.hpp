@@ -1,6 +1,8 @@
 // A small survey that the tests of the filter share: a vehicle over flat seabed, in a few lines.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <Eigen/Core>
 #include <cmath>
 #include <string>
@@ -85,6 +87,12 @@ inline bool operator==(const Pose2& a, const Pose2& b) {
 
 inline bool operator==(const PlacedBeam& a, const PlacedBeam& b) {
   return a.x_m == b.x_m && a.y_m == b.y_m && a.z_m == b.z_m;
+}
+
+inline void expectNear(const Pose2& seen, const Pose2& expected, double tolerance) {
+  EXPECT_NEAR(seen.x_m, expected.x_m, tolerance);
+  EXPECT_NEAR(seen.y_m, expected.y_m, tolerance);
+  EXPECT_NEAR(wrapAngle(seen.yaw_rad - expected.yaw_rad), 0.0, tolerance);
 }
 
 inline std::vector<PlacedBeam> drawFrom(const ParticleFilter& filter, std::size_t particle,

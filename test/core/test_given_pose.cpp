@@ -12,7 +12,7 @@
 namespace rbpf_core {
 namespace {
 
-constexpr std::size_t kParticles = 4000;
+constexpr std::size_t kDrawnParticles = 4000;
 
 Fix given(double stamp_s, const Pose2& pose) {
   Fix fix{stamp_s, {pose.x_m, pose.y_m}, Eigen::Matrix2d::Zero()};
@@ -24,9 +24,9 @@ Fix given(double stamp_s, const Pose2& pose) {
 // Mean and covariance of as many particles: four standard errors, which are sqrt(R / J) of the mean
 // and at most sqrt(2 / J) R of the covariance.
 void expectDrawnAbout(const Pose2& pose, const std::vector<Pose2>& particles) {
-  const Eigen::ArrayXd w = Eigen::ArrayXd::Constant(kParticles, 1.0 / kParticles);
+  const Eigen::ArrayXd w = Eigen::ArrayXd::Constant(kDrawnParticles, 1.0 / kDrawnParticles);
   const Pose2 mean = weightedMean(particles, w);
-  const double errors = 4.0 / std::sqrt(static_cast<double>(kParticles));
+  const double errors = 4.0 / std::sqrt(static_cast<double>(kDrawnParticles));
   EXPECT_NEAR(mean.x_m, pose.x_m, 2.0 * errors);
   EXPECT_NEAR(mean.y_m, pose.y_m, errors);
   EXPECT_NEAR(mean.yaw_rad, pose.yaw_rad, 0.1 * errors);
@@ -40,7 +40,7 @@ void expectDrawnAbout(const Pose2& pose, const std::vector<Pose2>& particles) {
 const Pose2 kPose{100.0, -50.0, 2.0};
 
 TEST(GivenPose, IsTheStartBeforeTheFirstPing) {
-  ParticleFilter filter(quietParams(kParticles));
+  ParticleFilter filter(quietParams(kDrawnParticles));
   filter.addFix(given(0.0, kPose));  // before any odometry
   filter.addOdometry(straight(0.0));
   expectDrawnAbout(kPose, filter.snapshot().particles());
@@ -66,20 +66,20 @@ class GivenPoseTest : public testing::Test {
     filter.addPing(pingAt(5.0));
   }
 
-  ParticleFilter filter{quietParams(kParticles)};
-  FakeMaps maps{kParticles};
+  ParticleFilter filter{quietParams(kDrawnParticles)};
+  FakeMaps maps{kDrawnParticles};
   LoopClosing closing{filter, maps, {0.0, {}, OnEffectiveSizeDrop{0.0}}};
 };
 
 TEST_F(GivenPoseTest, DrawsTheParticlesAnewAsTheyWouldHaveGoneOnFromItsStamp) {
-  Eigen::ArrayXd skewed = Eigen::ArrayXd::Zero(kParticles);
+  Eigen::ArrayXd skewed = Eigen::ArrayXd::Zero(kDrawnParticles);
   skewed(0) = 3.0;
   filter.setLogWeights(skewed - std::log(skewed.exp().sum()));
   filter.addFix(given(8.5, kPose));  // 100 m away: it is believed
   EXPECT_EQ(filter.snapshot().fixes(), 1U);
   closing.step();
   EXPECT_EQ(filter.snapshot().redraws(), 1U);
-  EXPECT_NEAR(filter.snapshot().logWeights().exp().maxCoeff(), 1.0 / kParticles, 1e-12);
+  EXPECT_NEAR(filter.snapshot().logWeights().exp().maxCoeff(), 1.0 / kDrawnParticles, 1e-12);
   // 3 m ahead of where they were drawn, each in its own heading
   std::vector<Pose2> particles = filter.snapshot().particles();
   for (Pose2& pose : particles) {

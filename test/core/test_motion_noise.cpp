@@ -110,14 +110,14 @@ Moments straightLineMoments(const Leg& leg) {
   return moments;
 }
 
-constexpr Eigen::Index kParticles = 4000;
+constexpr Eigen::Index kNoisyParticles = 4000;
 
 // Noise is given per second: whatever the odometry's rate, the spread after a time is the same.
 TEST(MotionNoise, SpreadsAStraightLineAlikeAt5And20And100Hz) {
   for (const double rate_hz : {5.0, 20.0, 100.0}) {
     SCOPED_TRACE(rate_hz);
     const Leg leg{2.0, 0.0, 10.0, rate_hz, {0.2, 0.1, 0.01}};
-    expectMoments(sampleEnds(leg, kParticles), straightLineMoments(leg));
+    expectMoments(sampleEnds(leg, kNoisyParticles), straightLineMoments(leg));
   }
 }
 
@@ -126,13 +126,13 @@ TEST(MotionNoise, HasTheExactMomentsOfANoisyTurn) {
   for (const double rate_hz : {2.0, 20.0}) {
     SCOPED_TRACE(rate_hz);
     const Leg leg{1.5, 0.2, 10.0, rate_hz, {0.3, 0.1, 0.2}};
-    expectMoments(sampleEnds(leg, kParticles), exactMoments(leg));
+    expectMoments(sampleEnds(leg, kNoisyParticles), exactMoments(leg));
   }
 }
 
 TEST(MotionNoise, GrowsWithTheTimeSinceTheLastMessage) {
   Leg leg{0.0, 0.0, 8.0, 0.125, {0.2, 0.1, 0.01}};  // one message, after a gap of 8 s
-  expectMoments(sampleEnds(leg, kParticles), straightLineMoments(leg));
+  expectMoments(sampleEnds(leg, kNoisyParticles), straightLineMoments(leg));
 }
 
 TEST(MotionNoise, LiesAlongTheVehicleNotAlongTheMap) {

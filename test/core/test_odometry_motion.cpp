@@ -42,12 +42,6 @@ FilterParams with(Velocity velocity) {
   return params;
 }
 
-void expectNear(const Pose2& seen, const Pose2& expected, double tolerance) {
-  EXPECT_NEAR(seen.x_m, expected.x_m, tolerance);
-  EXPECT_NEAR(seen.y_m, expected.y_m, tolerance);
-  EXPECT_NEAR(wrapAngle(seen.yaw_rad - expected.yaw_rad), 0.0, tolerance);
-}
-
 // ---- increments --------------------------------------------------------------------------------
 
 TEST(MotionOfPoses, LeadsFromOnePoseExactlyToTheOther) {

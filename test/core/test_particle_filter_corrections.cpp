@@ -17,12 +17,6 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-void expectNear(const Pose2& seen, const Pose2& expected, double tolerance) {
-  EXPECT_NEAR(seen.x_m, expected.x_m, tolerance);
-  EXPECT_NEAR(seen.y_m, expected.y_m, tolerance);
-  EXPECT_NEAR(wrapAngle(seen.yaw_rad - expected.yaw_rad), 0.0, tolerance);
-}
-
 std::string problemWithCorrection(ParticleFilter& filter, const PastCorrection& correction) {
   try {
     filter.correctPast(correction);

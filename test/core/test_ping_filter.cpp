@@ -13,7 +13,7 @@
 namespace rbpf_core {
 namespace {
 
-constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNoNumber = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 // A swath of beams 0.5 m apart across the track, with a depth that depends on y.
@@ -108,7 +108,7 @@ TEST(LevelBeams, PutsTheSeabedOfARollingAndPitchingVehicleBackWhereItIs) {
 
 TEST(LevelBeams, LeavesNaN) {
   Beams beams(3, 2);
-  beams << kNaN, 1.0F, kNaN, 1.0F, kNaN, 1.0F;
+  beams << kNoNumber, 1.0F, kNoNumber, 1.0F, kNoNumber, 1.0F;
   const Beams levelled = levelBeams(beams, {-10.0, 0.1, 0.1});
   EXPECT_TRUE(levelled.col(0).array().isNaN().all());
   EXPECT_TRUE(levelled.col(1).allFinite());
@@ -118,9 +118,9 @@ TEST(LevelBeams, LeavesNaN) {
 
 TEST(GoodBeams, RefusesWhatIsNotFinite) {
   Ping ping = flatSwath(20);
-  ping.beams_m(0, 0) = kNaN;
-  ping.beams_m(1, 5) = kNaN;
-  ping.beams_m(2, 6) = kNaN;
+  ping.beams_m(0, 0) = kNoNumber;
+  ping.beams_m(1, 5) = kNoNumber;
+  ping.beams_m(2, 6) = kNoNumber;
   ping.beams_m(2, 10) = kInfinity;
   ping.beams_m(1, 19) = -kInfinity;
   EXPECT_EQ(keptOf(ping), allBut(20, {0, 5, 6, 10, 19}));
@@ -146,7 +146,7 @@ TEST(GoodBeams, CountsTheRangeFromTheSensor) {
 TEST(GoodBeams, OfAnEmptyPingAreNone) {
   EXPECT_EQ(goodBeams(Ping(), {}, {}).cols(), 0);
   Ping blind = flatSwath(30);
-  blind.beams_m.setConstant(kNaN);
+  blind.beams_m.setConstant(kNoNumber);
   EXPECT_EQ(goodBeams(blind, {}, {}).cols(), 0);
 }
 

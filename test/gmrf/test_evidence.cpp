@@ -9,7 +9,7 @@
 namespace gmrf {
 namespace {
 
-double ripples(double x_m, double y_m) {
+double slopeWithRipples(double x_m, double y_m) {
   return -50.0 + 0.3 * std::sin(0.6 * x_m + 0.2 * y_m) + 0.1 * y_m;
 }
 
@@ -32,7 +32,7 @@ double denseLogEvidence(const Sample& sample, const Model& model) {
 }
 
 TEST(LogEvidence, IsTheDensityOfADenseNormalDistribution) {
-  const Beams beams = beamsOn(ripples, evenPoints(60, 9.0, 7.0, 1), 0.1, 2);
+  const Beams beams = beamsOn(slopeWithRipples, evenPoints(60, 9.0, 7.0, 1), 0.1, 2);
   const Sample sample{beams, Eigen::VectorXd::LinSpaced(60, 0.05, 1.0)};
   for (const Model& model :
        {Model{1.5, 8.0, 1.0, 0.01}, Model{1.5, 30.0, 0.2, 0.05}, Model{1.0, 4.0, 3.0, 0.001}}) {
@@ -42,7 +42,8 @@ TEST(LogEvidence, IsTheDensityOfADenseNormalDistribution) {
 }
 
 TEST(LogEvidence, DoesNotDependOnTheDepth) {
-  Sample sample{beamsOn(ripples, evenPoints(60, 9.0, 7.0, 1), 0.1, 2), Eigen::VectorXd::Ones(60)};
+  Sample sample{beamsOn(slopeWithRipples, evenPoints(60, 9.0, 7.0, 1), 0.1, 2),
+                Eigen::VectorXd::Ones(60)};
   const Model model{1.5, 8.0, 1.0, 0.01};
   const double before = logEvidence(sample, model);
   sample.beams.row(2).array() -= 3000.0;
@@ -98,13 +99,13 @@ Points swath() {
 
 double rmse(const Map& map) {
   const Points points = evenPoints(1000, 50.0, 20.0, 4);
-  const Beams truth = beamsOn(ripples, points, 0.0, 1);
+  const Beams truth = beamsOn(slopeWithRipples, points, 0.0, 1);
   const Prediction prediction = map.predict(points, field(), Variances::kNone);
   return std::sqrt((prediction.mean_m.transpose() - truth.row(2)).squaredNorm() / 1000.0);
 }
 
 TEST(RobustWeights, KeepOutliersFromHurting) {
-  const Beams clean = beamsOn(ripples, swath(), 0.1, 5);
+  const Beams clean = beamsOn(slopeWithRipples, swath(), 0.1, 5);
   Beams spoilt = clean;
   std::mt19937 random(6);
   std::uniform_real_distribution<double> offset_m(-10.0, 10.0);
@@ -119,10 +120,10 @@ TEST(RobustWeights, KeepOutliersFromHurting) {
 }
 
 TEST(RobustWeights, AreOneForBeamsThatFit) {
-  Map map = robustMap(beamsOn(ripples, swath(), 0.1, 5));
-  Beams beams = beamsOn(ripples, evenPoints(100, 50.0, 20.0, 7), 0.1, 8);
+  Map map = robustMap(beamsOn(slopeWithRipples, swath(), 0.1, 5));
+  Beams beams = beamsOn(slopeWithRipples, evenPoints(100, 50.0, 20.0, 7), 0.1, 8);
   Beams exact = beams.leftCols(1);
-  exact(2, 0) = ripples(exact(0, 0), exact(1, 0));
+  exact(2, 0) = slopeWithRipples(exact(0, 0), exact(1, 0));
   beams.col(0) = exact;
   beams(2, 1) += 5.0;
   const Eigen::VectorXd weights = robustWeights(map, field(), beams);
@@ -139,7 +140,7 @@ TEST(RobustWeights, AreOneForBeamsThatFit) {
 TEST(RobustWeights, LeaveTheMapAlone) {
   Map map(1.0, -50.0);
   EXPECT_EQ(robustWeights(map, field(), Beams(3, 0)).size(), 0);
-  robustWeights(map, field(), beamsOn(ripples, evenPoints(100, 50.0, 20.0, 7), 0.1, 8));
+  robustWeights(map, field(), beamsOn(slopeWithRipples, evenPoints(100, 50.0, 20.0, 7), 0.1, 8));
   EXPECT_TRUE(map.sums().entries().empty());
 }
 
