@@ -30,6 +30,7 @@ PLANAR = [0, 1, 5]
 class Ideal:
     """Tracks at K nodes of the survey. Poses: [x y z roll pitch yaw], m, rad, map frame."""
 
+    stamp_s: np.ndarray  # [K]
     truth: np.ndarray  # [K, 6]
     smoothed: np.ndarray  # [K, 6] the ideal smoother: each pose from the whole survey
     online: np.ndarray  # [K, 6] the ideal filter: each pose from what came before it
@@ -55,7 +56,7 @@ def ideal(run: SurveyRun, params: _smoothing.SmoothingParams, seed: int = 0) -> 
     closures = track.run(_half_widths(run, nodes))
     smoothed, online = run.dead_reckoning[nodes].copy(), run.dead_reckoning[nodes].copy()
     smoothed[:, PLANAR], online[:, PLANAR] = track.smoothed, track.online
-    return Ideal(truth, smoothed, online, closures)
+    return Ideal(stamp_s, truth, smoothed, online, closures)
 
 
 class IdealTrack:
