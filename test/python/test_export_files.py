@@ -132,7 +132,8 @@ def test_netcdf(export, folder):
             np.testing.assert_array_equal(file[name][:], as_float32(layer))
             assert file[name].units == "m" and file[name].grid_mapping == "crs"
         assert file["elevation"].standard_name == "height_above_mean_sea_level"
-        np.testing.assert_array_equal(file["density"][:], chart.density)
+        np.testing.assert_array_equal(file["density"][:], chart.surveyed_density)
+        assert file["density"]._FillValue == -1
         order = file["s44_order"]
         np.testing.assert_array_equal(order[:], np.where(chart.order == 255, -1, chart.order))
         assert order.flag_meanings.split()[-1] == "order_Exclusive"
@@ -156,7 +157,12 @@ def test_xyz(export, folder):
 def test_density_and_orders(export, folder):
     with rasterio.open(folder / "density.tif") as file:
         assert file.dtypes == ("int32",) and file.crs.to_epsg() == 32632
-        np.testing.assert_array_equal(file.read(1), export.chart.density)
+        soundings = file.read(1, masked=True)
+    known = export.chart.known
+    np.testing.assert_array_equal(soundings.filled(0), export.chart.density)
+    # Gaps between soundings are known to be gaps; where no beam fell, nothing is.
+    assert not soundings.mask[known].any() and (soundings[known] == 0).any()
+    np.testing.assert_array_equal(soundings.mask, ~known & (export.chart.density == 0))
     # Some lie beyond the map.
     assert 0.99 * len(export.run.beams) < export.chart.density.sum() < len(export.run.beams)
     with rasterio.open(folder / "s44_order.tif") as file:

@@ -159,6 +159,13 @@ def test_the_report_begins_with_what_a_hydrographer_asks(run, folder):
     assert 20.3 - 5 * NOISE_M < report["depth_min_m"] < 21.5
     assert report["depth_min_m"] < report["depth_median_m"] < report["depth_max_m"]
     assert report["tvu95_m"] > 1.96 * NOISE_M
+    shown = {
+        tvu95_m: survey_facts({**report, "tvu95_m": tvu95_m})[
+            "total vertical uncertainty (95 %), median"
+        ]
+        for tvu95_m in (None, 0.0043, 0.43)
+    }
+    assert list(shown.values()) == ["– m", "0.004 m", "0.43 m"]
     assert sum(report["s44_order_shares"].values()) == pytest.approx(1)
     assert report["crs"] is None and report["map_turned_by_deg"] is None
     text = (folder[0] / "report.html").read_text()
@@ -197,9 +204,12 @@ def test_the_last_lines_tell_both_estimates_and_the_closures(folder):
     assert lines[0] == f"RBPF error: online ATE {online}, final ATE {final} (DR {dr})"
     ideal = [f"{report[f'ideal_{name}ate_rmse_m']:.2f} m" for name in ("online_", "")]
     assert lines[2] == f"Ideal:      online ATE {ideal[0]}, final ATE {ideal[1]}"
-    assert lines[3] == "Closures:   13 accepted, 2 wrong; 3 refused"
-    assert lines[4].endswith("report.html") and len(lines) == 5
-    new = ("online", "closure", "ideal")
+    seabed, grid = (report[f"{name}_m"] for name in ("seabed_rmse_on_grid_beams", "grid_rmse"))
+    off = f"{seabed:.3f} m off at held-out beams (1 m grid {grid:.3f} m)"
+    assert lines[3] == f"Seabed:     {off}"
+    assert lines[4] == "Closures:   13 accepted, 2 wrong; 3 refused"
+    assert lines[5].endswith("report.html") and len(lines) == 6
+    new = ("online", "closure", "ideal", "seabed")
     old = {name: value for name, value in report.items() if not name.startswith(new)}
     lines = summarise(old, out_dir).splitlines()
     assert lines[0] == f"RBPF error: online ATE unknown, final ATE {final} (DR {dr})"
@@ -221,6 +231,9 @@ def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     assert any("no ground truth" in note for note in report["notes"])
     assert not (tmp_path / "ground_truth.tum").exists()
     assert (tmp_path / "report.html").read_text().count("<figure id=") == 12
+    lines = summarise(report, tmp_path).splitlines()
+    assert lines[0] == "RBPF error: unknown, for there is no ground truth"
+    assert [line.split(":")[0] for line in lines[1:]] == ["Seabed", "Closures", "Report"]
 
 
 @pytest.mark.parametrize("pings", [0, 1])

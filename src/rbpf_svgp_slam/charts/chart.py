@@ -18,6 +18,8 @@ from rbpf_svgp_slam.survey_area.grid import grid_points
 _CELLS = 1_000_000
 #: Some 4 GB of memory, all formats together.
 MOST_CELLS = 20_000_000
+#: In place of a number of soundings, where there is neither a seabed nor a sounding.
+NO_DENSITY = -1
 
 
 @dataclass
@@ -49,6 +51,12 @@ class Chart:
     def known(self) -> np.ndarray:
         """[rows, columns] bool: where there is a seabed."""
         return np.isfinite(self.elevation)
+
+    @property
+    def surveyed_density(self) -> np.ndarray:
+        """[rows, columns] int32: the density, and NO_DENSITY off the survey, so that 0 is a gap in
+        it."""
+        return np.where(self.known | (self.density > 0), self.density, NO_DENSITY).astype(np.int32)
 
 
 def make_chart(

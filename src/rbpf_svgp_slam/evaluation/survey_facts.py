@@ -31,7 +31,7 @@ def survey_facts(report: dict[str, Any]) -> dict[str, str]:
         "depth: least · median · greatest": f"{' · '.join(depths)} m",
         "soundings": format_number(report["beams"]),
         "soundings per m², median": format_number(report["beams_per_m2"]),
-        "total vertical uncertainty (95 %), median": f"{fixed(report['tvu95_m'], 2)} m",
+        "total vertical uncertainty (95 %), median": _spread(report["tvu95_m"]),
         "horizontal CRS": LOCAL_FRAME,
         "vertical datum": "water's surface; no tide or datum applied",
     }
@@ -74,3 +74,9 @@ def _length(length_m: float | None) -> str:
     if length_m is not None and length_m >= _KILOMETRES_FROM_M:
         return f"{format_number(length_m / 1000)} km"
     return f"{format_number(length_m)} m"
+
+
+def _spread(spread_m: float | None) -> str:
+    """Centimetres, and millimetres where there are few of those."""
+    is_small = spread_m is not None and spread_m < 0.1
+    return f"{fixed(spread_m, 3 if is_small else 2)} m"

@@ -14,7 +14,7 @@ from scipy.io import netcdf_file
 
 from rbpf_svgp_slam.charts import s44
 from rbpf_svgp_slam.charts.georeference import MEAN_SEA_LEVEL
-from rbpf_svgp_slam.charts.chart import Chart
+from rbpf_svgp_slam.charts.chart import NO_DENSITY, Chart
 
 _ABOVE_SEA = "height_above_mean_sea_level"
 _UNKNOWN_ORDER = -1  # the classic format has no unsigned bytes
@@ -85,8 +85,12 @@ def _layers(chart: Chart) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
             {"long_name": "of a depth, what the trajectory's uncertainty gives"},
         ),
         "density": (
-            chart.density.astype(np.int32),
-            {"long_name": "soundings in the cell", "units": "1"},
+            chart.surveyed_density,
+            {
+                "long_name": "soundings in the cell",
+                "units": "1",
+                "_FillValue": np.int32(NO_DENSITY),
+            },
         ),
         "s44_order": (
             order,

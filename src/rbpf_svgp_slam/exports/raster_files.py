@@ -8,7 +8,7 @@ import numpy as np
 from osgeo import gdal
 
 from rbpf_svgp_slam.charts import s44
-from rbpf_svgp_slam.charts.chart import Chart
+from rbpf_svgp_slam.charts.chart import NO_DENSITY, Chart
 from rbpf_svgp_slam.exports.gdal_rasters import Band, copied, in_memory
 from rbpf_svgp_slam.run.run_files import RunFolderError
 
@@ -50,8 +50,8 @@ def write_bag(chart: Chart, path: Path, metadata: dict[str, str]) -> None:
 
 
 def write_density(chart: Chart, path: Path, metadata: dict[str, str]) -> None:
-    """Cloud-optimised GeoTIFF: beams in each cell, int32."""
-    bands = [Band("soundings", chart.density, None, gdal.GDT_Int32)]
+    """Cloud-optimised GeoTIFF: beams in each cell, int32; NO_DENSITY off the survey."""
+    bands = [Band("soundings", chart.surveyed_density, NO_DENSITY, gdal.GDT_Int32)]
     copied(in_memory(chart, bands, metadata, heights=False), "COG", path, _DISCRETE)
 
 
