@@ -5,5 +5,5 @@ COPY . .
 RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates \
     && tools/setup.sh \
     && apt-get clean && rm -rf /var/lib/apt/lists/*
-ENTRYPOINT ["bash", "-c", ". build/devel/setup.bash && exec \"$@\"", "--"]
+ENTRYPOINT ["bash", "-c", ". /opt/rbpf_svgp_slam/build/devel/setup.bash && exec \"$@\"", "--"]
 CMD ["bash"]
