@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from bench import real_files
 from bench.svgp import common_random_numbers, conditioning, in_process, scales
 
 
@@ -131,3 +132,12 @@ def test_streaming_whole_logs_leaves_no_difference_between_equal_particles(study
     for kind in ("whole log", "common sample"):
         assert set(figures[f"same history, {kind}"].values()) == {0.0}
     assert figures["same history, independent samples"]["product, std"] > 0.0
+
+
+# Real files
+
+
+def test_files_that_are_not_there_are_named(tmp_path):
+    (tmp_path / "em710.all").touch()
+    complaint = real_files.main(str(tmp_path), str(tmp_path / "out"))
+    assert str(tmp_path / "r2sonic2026.xtf") in complaint and "em710" not in complaint

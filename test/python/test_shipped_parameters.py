@@ -80,7 +80,7 @@ def test_every_parameter_read_here_is_a_shipped_one():
 # Overlays
 
 
-@pytest.mark.parametrize("overlay", ["default", "demo", "gmrf", "paper", "empty"])
+@pytest.mark.parametrize("overlay", ["default", "demo", "gmrf", "mapping", "paper", "empty"])
 def test_every_shipped_overlay_is_accepted(tree, overlay):
     differing = yaml.safe_load((config_folder() / f"{overlay}.yaml").read_text())
     parameters = validate({**merged(tree, differing), "survey_area": SQUARE})
@@ -91,7 +91,7 @@ def test_every_shipped_overlay_is_accepted(tree, overlay):
 
 def test_no_shipped_overlay_is_left_out():
     shipped = {path.stem for path in config_folder().glob("*.yaml")}
-    assert shipped == {"default", "demo", "gmrf", "paper", "empty"}
+    assert shipped == {"default", "demo", "gmrf", "mapping", "paper", "empty"}
 
 
 def test_the_simulators_overlay_is_accepted(tree, tmp_path):

@@ -219,11 +219,12 @@ class Surveys(unittest.TestCase):
         # in place of the clip; a model is learned from 4000 beams or more, of 31 a ping
         (folder / "clip.xtf").write_bytes(sonar_files.xtf(40.0))
         section = DOCUMENT.split("## A sonar's own files\n")[1].split("\n## ")[0]
-        [overlay] = re.findall(r"^```yaml\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
-        (folder / "mapping.yaml").write_text(f"{overlay}output: {{figures: false}}\n")
         commands = commands_of(section)
         mapping, drifting = (c for c in commands if c.startswith("roslaunch "))
         self.run_documented(commands[0], folder)
+        survey = yaml.safe_load((folder / "clip.survey.yaml").read_text())
+        no_figures = {**survey, "output": {"figures": False}}
+        (folder / "clip.survey.yaml").write_text(yaml.safe_dump(no_figures))
         self.run_documented(mapping, folder)
         with np.load(folder / "clip" / "map.npz") as grid:
             median_m = np.nanmedian(grid["mean"])
@@ -232,8 +233,7 @@ class Surveys(unittest.TestCase):
         self.assertTrue((folder / "clip" / "export" / "seabed.bag").is_file())
         self.setUp()  # parameters
         effort = {**SMALL, "output": {**SMALL["output"], "figures": False}}
-        with (folder / "clip.survey.yaml").open("a") as survey:
-            survey.write(yaml.safe_dump(effort))
+        (folder / "clip.survey.yaml").write_text(yaml.safe_dump({**survey, **effort}))
         self.run_documented(drifting, folder)
         report = json.loads((folder / "drifting" / "report.json").read_text())
         # 0.08 m per sqrt(s) along and across: the good navigation is the ground truth
