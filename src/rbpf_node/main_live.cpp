@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -52,6 +53,7 @@ class Survey {
   }
 
   void closeLoops() { slam_.closeLoops(); }
+  bool isMappingPaused() { return slam_.intake().state().mapping_paused; }
 
  private:
   rbpf_node::SlamNode slam_;
@@ -79,6 +81,7 @@ void run() {
   while (ros::ok()) {
     survey->closeLoops();
     if (asked_reset.isAsked()) {
+      const bool was_paused = survey->isMappingPaused();
       survey.reset();  // at first: there is one of each topic and service
       if (!journal.path.empty()) {
         journal.resume = journal.overwrite = false;
@@ -86,7 +89,8 @@ void run() {
       }
       survey = std::make_unique<Survey>(&spinning, params, journal);
       ROS_WARN("The survey starts over, as ~reset has asked.");
-      asked_reset.answer({true, "the survey starts over"});
+      asked_reset.answer({true, std::string("the survey starts over") +
+                                    (was_paused ? "; pings are taken in again" : "")});
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }

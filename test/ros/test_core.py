@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The real core on a short survey: what it lends to the maps, over the wire."""
 
+import copy
 import subprocess
 import threading
 import time
@@ -266,28 +267,43 @@ class CoreTest(unittest.TestCase):
     def test_with_a_reset_the_survey_starts_over(self):
         """After even that, by its name."""
         before = self.await_status(lambda now: now.survey != 0)
-        reset = service("reset", Trigger)()
-        self.assertTrue(reset.success, reset.message)
+        reset = service("reset", Trigger)
+        self.assertTrue(service("pause_mapping", Trigger)().success)
+        self.assertEqual(reset().message, "the survey starts over; pings are taken in again")
+        resume = service("resume_mapping", Trigger)()
+        self.assertEqual(resume.message, "pings are taken in, as before")
+        for name in ("smooth", "prompt"):
+            nothing = service(name, Trigger)()
+            self.assertFalse(nothing.success)
+            self.assertIn("no ping has been taken in", nothing.message)
+        self.assertEqual(reset().message, "the survey starts over")
         status = self.await_status(lambda now: now.survey != before.survey)
         self.assertEqual((status.pings, status.odometry_messages), (0, 0))
         self.assertEqual(list(status.refusal_reasons), [])
         self.assertEqual(self.get_pings(0, 1).pings_total, 0)
-        start = PoseWithCovarianceStamped(header=Header(stamp=rospy.Time(1), frame_id="map"))
+        # RViz's clock, which is not that of a bag: what it is told must not stop the survey
+        now = rospy.Time.now()
+        start = PoseWithCovarianceStamped(header=Header(stamp=now, frame_id="map"))
         start.pose.pose.position.x, start.pose.pose.position.y = 120.0, 10.0
         start.pose.pose.orientation.z = start.pose.pose.orientation.w = np.sqrt(0.5)
         for i in (0, 7, 35):
             start.pose.covariance[i] = 1e-6
-        # what lies in another frame is refused, and is no start
-        elsewhere = PoseWithCovarianceStamped(
-            header=Header(stamp=start.header.stamp), pose=start.pose
-        )
+        # what is refused is no start
+        elsewhere, nowhere, twice = (copy.deepcopy(start) for _ in range(3))
         elsewhere.header.frame_id = "odom"
+        nowhere.pose.pose.position.x = float("nan")
+        twice.pose.pose.orientation.w = 2.0
         given = publisher("initialpose", PoseWithCovarianceStamped)
-        given.publish(elsewhere)
-        given.publish(start)
-        status = self.await_status(lambda now: now.refusal_reasons)
-        self.assertEqual(list(status.refusal_reasons), ["fixes/wrong_frame"])
-        self.assertIn("'odom', expected 'map'", status.refusal_examples[0])
+        for pose in (elsewhere, nowhere, twice, start):
+            given.publish(pose)
+        expected = {
+            "fixes/malformed": "orientation has the norm 2.121320, expected 1",
+            "fixes/not_finite": "not finite",
+            "fixes/wrong_frame": "'odom', expected 'map'",
+        }
+        status = self.await_status(lambda now: len(now.refusal_reasons) == len(expected))
+        for reason, example in zip(status.refusal_reasons, status.refusal_examples):
+            self.assertIn(expected[reason], example)
         for topic in (self.moves, self.pings, self.broadcaster.pub_tf):
             await_listener(topic)
         for stamp_s in (1, 2):

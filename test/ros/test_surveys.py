@@ -16,11 +16,13 @@ import xmlrpc.client
 from pathlib import Path
 
 import numpy as np
+import rosbag
 import rosgraph
 import rospkg
 import rospy
 import rostest
 import yaml
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam.msg import FilterStatus
@@ -274,6 +276,11 @@ class Surveys(unittest.TestCase):
             ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch", *self.common_args()]
         )
         try:
+            rospy.wait_for_service("/survey_recorder/save_so_far", 60)
+            for name in ("save_so_far", "export"):
+                early = rospy.ServiceProxy(f"/survey_recorder/{name}", Trigger)()
+                self.assertFalse(early.success, early.message)
+            self.give_the_start()
             play = ["rosbag", "play", "-q", "-r", "8", "--queue", "10000", "--wait-for-subscribers"]
             topics = ["/odom", "/mbes/pings", "/ground_truth", "/tf", "/tf_static"]
             subprocess.run([*play, "--topics", *topics, "--bags", self.bag], check=True)
@@ -292,6 +299,19 @@ class Surveys(unittest.TestCase):
         finally:
             running.terminate()
             running.wait(30)
+
+    def give_the_start(self):
+        """As RViz does it before the bag is played: by this computer's clock, not by the bag's."""
+        with rosbag.Bag(self.bag) as bag:
+            _, first, _ = next(bag.read_messages("/odom"))
+        given = PoseWithCovarianceStamped(pose=first.pose)
+        given.header.frame_id, given.header.stamp = "map", rospy.Time.now()
+        given.pose.covariance = [1e-6 * (i in (0, 7, 35)) for i in range(36)]
+        start = rospy.Publisher("/initialpose", PoseWithCovarianceStamped, queue_size=1, latch=True)
+        deadline_s = time.monotonic() + 60
+        while not start.get_num_connections() and time.monotonic() < deadline_s:
+            time.sleep(0.05)
+        start.publish(given)
 
     def test_a_survey_survives_its_core_and_then_its_launch(self):
         args = ["replay.launch", f"bag:={self.bag}", *self.common_args(), "rate:=4"]
