@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Simulates a 20-minute survey, replays it through the live nodes and writes the run folder.
 #   tools/demo.sh [--rviz] [--seed N] [--engine svgp|gmrf] [--rate R] [DIR]
-# R: times real time, 12; fewer on a machine that has other work. DIR: out/demo by default.
+# R: times real time, 12; fewer on a machine that has other work. DIR: out/demo by default. The
+# simulated seabed is placed in the sea west of Sweden, so that there are products: DIR/export.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tools/setup.sh
@@ -46,7 +47,8 @@ out=$(realpath -m "${out:-out/demo}")
 mkdir -p "$out"
 
 echo "Simulating the survey (seed $seed) ..."
-rosrun rbpf_svgp_slam simulate_survey.py --mission demo --seed "$seed" --out "$out/survey.bag"
+rosrun rbpf_svgp_slam simulate_survey.py --mission demo --seed "$seed" \
+  --origin 57.5 11.2 --out "$out/survey.bag"
 echo "Replaying it $rate times faster than it was made ..."
 rosrun rbpf_svgp_slam run_launch.py replay.launch \
   bag:="$out/survey.bag" survey:="$out/survey.survey.yaml" terrain:="$out/survey.terrain.npz" \

@@ -97,10 +97,11 @@ def test_no_shipped_overlay_is_left_out():
 def test_the_simulators_overlay_is_accepted(tree, tmp_path):
     bag = tmp_path / "survey.bag"
     simulation = ["--mission", "demo", "--scale", "0.05", "--duration", "10", "--out", str(bag)]
-    assert simulate_command.main(simulation) == 0
+    assert simulate_command.main([*simulation, "--origin", "57.5", "11.2"]) == 0
     overlay = yaml.safe_load(bag.with_suffix(".survey.yaml").read_text())
     parameters = validate(merged(tree, overlay))
     assert parameters.survey_area == tuple(map(tuple, overlay["survey_area"]))
+    assert parameters.survey_origin == (57.5, 11.2)
     assert not list(complaints(overlay, default_parameters()))
 
 

@@ -110,6 +110,7 @@ def test_command_line_mistakes_end_with_code_2_and_the_expectation(tmp_path, cap
         (("--mission", "demo", "--outliers", "2"), "outliers is 2.0, expected"),
         (("--mission", "demo", "--duration", "nan"), "duration is nan s, expected"),
         (("--mission", "demo", "--seed", "-1"), "seed is -1, expected"),
+        (("--mission", "demo", "--origin", "95", "11"), "--origin is [95.0, 11.0]; expected"),
         (("--mission", "demo", "--out", tmp_path / "f.txt"), "expected a name that ends in .bag"),
         (("--mission", "demo", "--out", tmp_path / "none/f.bag"), "in an existing folder"),
     ]:

@@ -8,6 +8,7 @@ import sys
 import time
 
 from rbpf_svgp_slam.bags.survey_bag import write_bag
+from rbpf_svgp_slam.parameters.rules import ParameterError, checked, place
 from rbpf_svgp_slam.simulation import SurveyError
 from rbpf_svgp_slam.simulation.dead_reckoning import horizontal_errors
 from rbpf_svgp_slam.simulation.mission import MISSIONS, get_mission
@@ -18,8 +19,8 @@ from rbpf_svgp_slam.simulation.terrain import save_terrain
 _DESCRIPTION = """Simulate a multibeam survey and write it as a rosbag.
 
 Beside F.bag come F.survey.yaml, a parameter overlay for the filter with what one knows before a
-mission (the survey area and how the dead reckoning drifts), and F.terrain.npz, the seabed with its
-place in the map frame."""
+mission (the survey area, how the dead reckoning drifts, the origin if there is one), and
+F.terrain.npz, the seabed with its place in the map frame."""
 
 _TERRAIN_HELP = """the seabed (default: generated fractal relief with dunes): z [nx, ny] in m, z up,
 axis 0 along x; resolution_m; optionally origin_m [2], x and y of z[0, 0] in the map frame, without
@@ -34,7 +35,7 @@ def main(argv=None):
     arguments = _parse(argv)
     try:
         _run(arguments)
-    except (SurveyError, OSError) as error:
+    except (SurveyError, ParameterError, OSError) as error:
         print(f"simulate_survey.py: error: {error}", file=sys.stderr)
         return 2
     return 0
@@ -58,12 +59,15 @@ def _parse(argv):
         metavar="SHARE",
         help="false detections among the beams (default %(default)s)",
     )
+    origin = "of the map frame, degrees of WGS84: where products lie (default: nowhere, and none)"
+    add("--origin", type=float, nargs=2, metavar=("LATITUDE", "LONGITUDE"), help=origin)
     return parser.parse_args(argv)
 
 
 def _run(arguments):
     mission = get_mission(arguments.mission, arguments.scale)
     _check(arguments)
+    origin_deg = arguments.origin and checked("--origin", arguments.origin, place())
     started_s = time.monotonic()
     survey = simulate_survey(
         mission,
@@ -73,9 +77,10 @@ def _run(arguments):
         arguments.duration,
         _progress_line("simulating pings"),
     )
-    write_bag(str(arguments.out), survey.recorded(), _progress_line("writing the bag"))
+    recorded = dataclasses.replace(survey.recorded(), origin_deg=origin_deg)
+    write_bag(str(arguments.out), recorded, _progress_line("writing the bag"))
     save_terrain(arguments.out.with_suffix(".terrain.npz"), survey.terrain)
-    write_overlay(arguments.out.with_suffix(".survey.yaml"), survey)
+    write_overlay(arguments.out.with_suffix(".survey.yaml"), survey, origin_deg)
     _print_summary(arguments.out, survey, time.monotonic() - started_s)
 
 
@@ -92,11 +97,19 @@ def _check(arguments):
         raise SurveyError(f"out is {arguments.out}, expected a file in an existing folder")
 
 
-def write_overlay(path, survey):
-    """Write what one knows of the survey before it as parameters of the filter."""
+def write_overlay(path, survey, origin_deg=None):
+    """Write what one knows of the survey before it as parameters of the filter.
+
+    origin_deg: latitude and longitude of the map frame's origin, if it lies on the earth.
+    """
     noise = survey.mission.dead_reckoning
     corners = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in survey.area_m())
+    origin = ""
+    if origin_deg is not None:
+        origin = "# Latitude and longitude of the map frame's origin, WGS84 (EPSG:4326).\n"
+        origin += f"survey_origin: {list(origin_deg)}\n"
     path.write_text(
+        f"{origin}"
         "# The seabed that the swath reaches, in the map frame.\n"
         f"survey_area: [{corners}]\n"
         "# The dead reckoning's white noise; its biases are not known to the filter.\n"
