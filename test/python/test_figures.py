@@ -113,8 +113,8 @@ def test_the_seabed_stands_beside_the_particles_map_and_the_truth(drawn, run):
     assert len(titles(drawn["seabed_maps"])) == 8
     with matplotlib.rc_context(figure_style.STYLE):
         blind, _ = map_figures.seabed_maps(without(run, terrain=None), None)
-    assert {"Seabed − particle's map", "Seabed − cell means"} < set(titles(blind))
-    assert len(titles(blind)) == 6
+    shown = [title.replace("\n", " ") for title in titles(blind)]
+    assert {"Seabed − particle's map", "Seabed − cell means"} < set(shown) and len(shown) == 6
 
 
 def test_the_deepest_seabed_is_the_darkest():
@@ -162,6 +162,20 @@ def test_elongated_surveys_stack_and_square_ones_stand_side_by_side(run):
     assert shape(300, 60, 4) == (4, 1)
     # four tall ones in a row would be too narrow for labels and bars
     assert shape(100, 100, 4) == shape(60, 300, 4) == (2, 2)
+
+
+def test_titles_of_narrow_maps_keep_off_each_other():
+    title = "Particle's map − cell means"
+    with matplotlib.rc_context(figure_style.STYLE):
+        figure = Figure(figsize=(figure_style.WIDTH_IN, 3))
+        panels = figure.subplots(1, 6)
+        for axes in panels:
+            axes.set(xlim=(0, 2), ylim=(0, 30))
+            figure_style.map_axes(axes, title)
+        FigureCanvasAgg(figure).draw()
+    boxes = [axes._left_title.get_window_extent() for axes in panels]
+    assert all(one.x1 < next_one.x0 for one, next_one in zip(boxes, boxes[1:]))
+    assert panels[0].get_title(loc="left").replace("\n", " ") == title
 
 
 def test_shadows_end_with_the_seabed():
@@ -461,6 +475,12 @@ def test_the_animation_has_every_frame_and_goes_with_the_time_lapse(run, tmp_pat
     write_report(without(run, time_lapse=None), tmp_path)
     assert not path.exists()
     assert "time_lapse.gif" not in (tmp_path / "report.html").read_text()
+    # A survey of seconds: no map was there when the only frame was taken.
+    lapse = run.time_lapse
+    empty = TimeLapse(run.stamp_s[:1], lapse.x, lapse.y, np.full_like(lapse.mean[:1], np.nan))
+    time_lapse_figures.write_time_lapse_gif(without(run, time_lapse=empty), tmp_path)
+    assert not path.exists()
+    assert time_lapse_figures.time_lapse(without(run, time_lapse=empty), None) is None
 
 
 # Runs with little in them

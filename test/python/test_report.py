@@ -8,6 +8,7 @@ import pytest
 from browser import CHROMIUM, look
 from made_up_survey import NOISE_M, OF_PINGS, ORIGIN_DEG, without, write_run
 
+from rbpf_svgp_slam.evaluation.numbers import format_duration
 from rbpf_svgp_slam.evaluation.result_lines import summarise
 from rbpf_svgp_slam.evaluation.survey_facts import survey_facts
 from rbpf_svgp_slam.metrics.survey_metrics import survey_metrics
@@ -166,6 +167,12 @@ def test_the_report_begins_with_what_a_hydrographer_asks(run, folder):
         for tvu95_m in (None, 0.0043, 0.43)
     }
     assert list(shown.values()) == ["– m", "0.004 m", "0.43 m"]
+    assert [format_duration(t_s) for t_s in (None, 5.9, 150.0, 9000.0)] == [
+        "–",
+        "5.9 s",
+        "2.5 min",
+        "2.5 h",
+    ]
     assert sum(report["s44_order_shares"].values()) == pytest.approx(1)
     assert report["crs"] is None and report["map_turned_by_deg"] is None
     text = (folder[0] / "report.html").read_text()
@@ -231,6 +238,9 @@ def test_without_ground_truth_errors_are_null(run, folder, tmp_path):
     assert any("no ground truth" in note for note in report["notes"])
     assert not (tmp_path / "ground_truth.tum").exists()
     assert (tmp_path / "report.html").read_text().count("<figure id=") == 12
+    page = (tmp_path / "report.html").read_text()
+    assert "Without ground truth the errors of the trajectory" in page
+    assert "position error, RMS" not in page and "consistency of passes" in page
     lines = summarise(report, tmp_path).splitlines()
     assert lines[0] == "RBPF error: unknown, for there is no ground truth"
     assert [line.split(":")[0] for line in lines[1:]] == ["Seabed", "Closures", "Report"]

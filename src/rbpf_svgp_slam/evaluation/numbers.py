@@ -21,3 +21,13 @@ def format_number(value: Any) -> str:
     if isinstance(value, int):
         return f"{value:,}".replace(",", "\u202f")
     return f"{value:,.0f}".replace(",", "\u202f") if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def format_duration(duration_s: float | None) -> str:
+    """Format a time for a reader, in seconds, minutes or hours; – for None."""
+    if duration_s is None:
+        return "–"
+    for unit_s, unit in ((3600, "h"), (60, "min")):
+        if duration_s >= 2 * unit_s:
+            return f"{format_number(duration_s / unit_s)} {unit}"
+    return f"{format_number(duration_s)} s"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import jinja2
 
-from rbpf_svgp_slam.evaluation.numbers import fixed, format_number
+from rbpf_svgp_slam.evaluation.numbers import fixed, format_duration, format_number
 from rbpf_svgp_slam.evaluation.survey_facts import caveats, order_rows, survey_facts
 from rbpf_svgp_slam.figures.report_figures import draw_figures, to_png
 from rbpf_svgp_slam.metrics.evaluation import Evaluation
@@ -38,6 +38,7 @@ def render(run: SurveyRun, evaluation: Evaluation, with_figures: bool = True) ->
     charts = [figure for figure in figures if figure["name"] in _CHARTS]
     return environment.get_template("report.html.j2").render(
         report=evaluation.report,
+        duration=format_duration(evaluation.report["duration_s"]),
         facts=survey_facts(evaluation.report),
         orders=order_rows(evaluation.report),
         caveats=caveats(run.estimate_covariance is not None),

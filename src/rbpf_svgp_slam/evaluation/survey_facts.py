@@ -73,6 +73,8 @@ def _area(area_m2: float | None) -> str:
 def _length(length_m: float | None) -> str:
     if length_m is not None and length_m >= _KILOMETRES_FROM_M:
         return f"{format_number(length_m / 1000)} km"
+    if length_m is not None and length_m < 10.0:
+        return f"{fixed(length_m, 2)} m"  # of a ship alongside
     return f"{format_number(length_m)} m"
 
 

@@ -6,6 +6,7 @@ cmocean's (Thyng et al. 2016), which are perceptually uniform and what the field
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import matplotlib.cm
@@ -91,6 +92,8 @@ _MAX_HEIGHT_IN = 11.5
 # Height over width of a map on the page: of a flatter one its axes are low, a taller one's are wide
 # enough for labels, scale bar and colour bar.
 _FLATTEST, _TALLEST = 0.12, 2.5
+# Of a title's characters, with the gaps between panels, into which it may go on.
+_CHARACTER_IN, _SHORTEST_LINE = 0.0625, 12
 _LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])  # towards the sun: north-west, 45° high
 _SHADING = 0.4  # opacity of the darkest shadow
 
@@ -127,14 +130,19 @@ def map_subplots(
 
 
 def map_axes(axes: Axes, title: str, labels: tuple[str, str] = ("x (m)", "y (m)")) -> None:
-    """Make axes a plan view in metres, x to the right and y up, grey where nothing is known."""
-    axes.set(xlabel=labels[0], ylabel=labels[1], title=title, facecolor=UNKNOWN_COLOUR)
+    """Make axes a plan view in metres, x to the right and y up, grey where nothing is known.
+
+    The title has as many lines as it takes to keep off those beside it.
+    """
+    axes.set(xlabel=labels[0], ylabel=labels[1], facecolor=UNKNOWN_COLOUR)
     axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     spare = 0.5 * max((top - bottom) / _TALLEST - (right - left), 0.0)
     left, right = axes.set_xlim(left - spare, right + spare)
     place_in = axes.get_position().size * axes.figure.get_size_inches()
+    characters = max(int(place_in[0] / _CHARACTER_IN), _SHORTEST_LINE)
+    axes.set_title(textwrap.fill(title, characters, break_long_words=False))
     m_per_in = np.max([right - left, top - bottom] / place_in)
     # As many ticks as there is room for: three labels need an inch of width.
     axes.locator_params("x", nbins=int(np.clip(3 * (right - left) / m_per_in, 1, 6)))

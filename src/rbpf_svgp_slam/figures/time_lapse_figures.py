@@ -55,14 +55,22 @@ def first_seen_s(run: SurveyRun, lapse: TimeLapse) -> np.ndarray:
     return seen_s
 
 
-def time_lapse(run: SurveyRun, evaluation: Evaluation) -> Drawn:
-    """Draw a strip of frames, evenly spaced in time; None without a time lapse."""
+def _shown_seabed(run: SurveyRun) -> np.ndarray | None:
+    """The seabed of the run's frames as seen_seabed() has it; None where no frame shows any."""
     lapse = run.time_lapse
     if lapse is None or not len(lapse.t_s) or not len(run.stamp_s):
         return None
+    seabed = seen_seabed(run, lapse)
+    return seabed if np.isfinite(seabed).any() else None
+
+
+def time_lapse(run: SurveyRun, evaluation: Evaluation) -> Drawn:
+    """Draw a strip of frames, evenly spaced in time; None without a time lapse."""
+    lapse, seabed = run.time_lapse, _shown_seabed(run)
+    if seabed is None:
+        return None
     frames = evenly_spaced(lapse.t_s, 8 if style.plan_aspect(run) > 0.8 else 6)
     figure, panels = style.map_subplots(run, len(frames), _STRIP_HEIGHT_IN)
-    seabed = seen_seabed(run, lapse)
     colours = style.depth_colours(run)
     for axes, k in zip(panels.flat, frames):
         image = _draw_frame(axes, run, k, seabed[k], colours)
@@ -83,11 +91,11 @@ def evenly_spaced(t_s: np.ndarray, count: int) -> np.ndarray:
 def write_time_lapse_gif(run: SurveyRun, out_dir: Path) -> None:
     """Write the animation; nothing without a time lapse."""
     path = out_dir / GIF_NAME
-    lapse = run.time_lapse
-    if lapse is None or not len(lapse.t_s) or not len(run.stamp_s):
+    seabed = _shown_seabed(run)
+    if seabed is None:
         return
     with matplotlib.rc_context({**style.STYLE, "figure.dpi": _GIF_DPI}):
-        frames = _animation(run, lapse)
+        frames = _animation(run, seabed)
     palette = _palette(frames)
     frames = [frame.quantize(palette=palette, dither=0) for frame in frames]
     durations_ms = [_FRAME_MS] * (len(frames) - 1) + [_LAST_FRAME_MS]
@@ -111,9 +119,8 @@ def _palette(frames: list[Image.Image]) -> Image.Image:
     return palette
 
 
-def _animation(run: SurveyRun, lapse: TimeLapse) -> list[Image.Image]:
-    """Return the frames [K], all of one size and layout."""
-    seabed = seen_seabed(run, lapse)
+def _animation(run: SurveyRun, seabed: np.ndarray) -> list[Image.Image]:
+    """Return the frames [K] of a seabed [K, nx, ny], m, all of one size and layout."""
     colours = style.depth_colours(run)
     # Placed by hand: matplotlib's own layout would double the time of every frame.
     left_in, bottom_in, right_in, top_in = _GIF_MARGINS_IN
