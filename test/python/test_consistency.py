@@ -12,6 +12,7 @@ from rbpf_svgp_slam.metrics.consistency import (
     consistency,
     farthest_pass_distance,
     split_passes,
+    survey_lines,
 )
 
 
@@ -113,6 +114,7 @@ def test_passes_are_the_lines_of_a_lawn_mower_with_their_turns():
     np.testing.assert_array_equal(passes[on_line], np.round(poses[on_line, 1] / 10))
 
 
-def test_a_survey_without_turns_is_cut_into_chunks():
+def test_a_survey_without_turns_is_one_line_and_is_cut_into_chunks():
+    assert not survey_lines(np.zeros(20)).any()
     np.testing.assert_array_equal(split_passes(np.zeros(20)), np.repeat(np.arange(10), 2))
     assert split_passes(np.empty(0)).shape == (0,)

@@ -84,7 +84,9 @@ def test_run_folder_is_complete(run, folder):
 
 def test_html_holds_every_figure_and_parameter_and_needs_no_network(folder):
     text = (folder[0] / "report.html").read_text()
-    figures = re.findall(r'<figure id="(\w+)">\s*<img [^>]*src="data:image/png;base64,iVBOR', text)
+    figures = re.findall(
+        r'<figure id="(\w+)">\s*<a [^>]*>\s*<img [^>]*src="data:image/png;base64,iVBOR', text
+    )
     assert figures == [
         "depth_chart",
         "survey_quality",

@@ -394,7 +394,7 @@ class Surveys(unittest.TestCase):
             )
             try:
                 # each node advertises its services only once its parameters are accepted
-                for service in ("/rbpf_core/get_pings", "/svgp_node_1/predict"):
+                for service in ("/rbpf_core/get_pings", "/svgp_node_0/predict"):
                     rospy.wait_for_service(service, timeout=40)
             except rospy.ROSException:
                 running.terminate()

@@ -10,7 +10,7 @@ from osgeo import gdal, ogr
 from rbpf_svgp_slam.charts.chart import Chart
 from rbpf_svgp_slam.exports.gdal_rasters import Band, in_memory, reference_system
 from rbpf_svgp_slam.exports.track import Track
-from rbpf_svgp_slam.metrics.consistency import split_passes
+from rbpf_svgp_slam.metrics.consistency import survey_lines
 
 _UNKNOWN = -99999.0
 
@@ -35,7 +35,7 @@ def write_geopackage(
 
 
 def _write_lines(layer: ogr.Layer, track: Track) -> None:
-    """A feature for each pass: straight lines, the turn after it included."""
+    """A feature for each line, the turn after it included."""
     fields = {
         "line": ogr.OFTInteger,
         "start_utc": ogr.OFTString,
@@ -45,9 +45,9 @@ def _write_lines(layer: ogr.Layer, track: Track) -> None:
     }
     for name, kind in fields.items():
         layer.CreateField(ogr.FieldDefn(name, kind))
-    passes = split_passes(track.poses[:, 5])
-    for number in np.unique(passes):
-        pings = np.flatnonzero(passes == number)
+    lines = survey_lines(track.poses[:, 5])
+    for number in np.unique(lines):
+        pings = np.flatnonzero(lines == number)
         en = track.projected_poses[pings, :2]
         feature = ogr.Feature(layer.GetLayerDefn())
         line = ogr.Geometry(ogr.wkbLineString)

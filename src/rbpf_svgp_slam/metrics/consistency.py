@@ -44,12 +44,20 @@ class Consistency:
 
 
 def split_passes(yaw_rad: np.ndarray) -> np.ndarray:
-    """Number the passes of a survey: the pass [P] of each ping, from its headings [P].
+    """Number the passes that are compared with each other: the pass [P] of each ping, from its
+    headings [P]. Its survey lines; a survey that never turns is cut into ten equal chunks."""
+    lines = survey_lines(yaw_rad)
+    if len(lines) and not lines.any():
+        return np.arange(len(lines)) * CHUNKS_WITHOUT_TURNS // len(lines)
+    return lines
 
-    A pass ends where the heading has left the mean heading of the pass so far by more than 45°.
-    Pieces shorter than a quarter of the typical pass are turns, and join the pass before them;
-    typical is the longest length such that half of all pings lie in passes at least as long. A
-    survey that never turns is cut into ten equal chunks.
+
+def survey_lines(yaw_rad: np.ndarray) -> np.ndarray:
+    """Number the lines of a survey: the line [P] of each ping, from its headings [P].
+
+    A line ends where the heading has left the mean heading of the line so far by more than 45°.
+    Pieces shorter than a quarter of the typical line are turns, and join the line before them;
+    typical is the longest length such that half of all pings lie in lines at least as long.
     """
     heading = np.unwrap(yaw_rad)
     starts, mean, count = [0], heading[0] if len(heading) else 0.0, 0
@@ -62,11 +70,9 @@ def split_passes(yaw_rad: np.ndarray) -> np.ndarray:
     lengths = np.diff([*starts, len(heading)])
     descending = np.sort(lengths)[::-1]
     typical = descending[np.searchsorted(np.cumsum(descending), len(heading) / 2)]
-    is_pass = 4 * lengths >= typical
-    is_pass[0] = True
-    if is_pass.sum() == 1:
-        return np.arange(len(heading)) * CHUNKS_WITHOUT_TURNS // max(len(heading), 1)
-    return np.repeat(np.cumsum(is_pass) - 1, lengths)
+    is_line = 4 * lengths >= typical
+    is_line[0] = True
+    return np.repeat(np.cumsum(is_line) - 1, lengths)
 
 
 def consistency(
