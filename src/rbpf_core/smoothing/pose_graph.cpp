@@ -370,9 +370,9 @@ PoseGraph::Covariances::Covariances(const PoseGraph& graph) : graph_(graph) {
 }
 
 Eigen::Matrix3d PoseGraph::Covariances::of(std::size_t i) const {
-  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(factor_.rows(), 3);
-  columns.middleRows<3>(graph_.firstColumn(i)).setIdentity();
-  return factor_.solve(columns).middleRows<3>(graph_.firstColumn(i));
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(factor_.rows(), 3);
+  A.middleRows<3>(graph_.firstColumn(i)).setIdentity();
+  return ofLinear(std::move(A));
 }
 
 Eigen::Matrix3d PoseGraph::Covariances::ofRelative(std::size_t k, std::size_t j) const {
@@ -390,9 +390,16 @@ Eigen::Matrix3d PoseGraph::Covariances::ofRelative(std::size_t k, std::size_t j)
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(factor_.rows(), 3);
   A.middleRows<3>(graph_.firstColumn(k)) = to_k.transpose();
   A.middleRows<3>(graph_.firstColumn(j)) += to_j.transpose();
-  const Eigen::MatrixXd solved = factor_.solve(A);
-  const Eigen::Matrix3d covariance = A.transpose() * solved;
-  return 0.5 * (covariance + covariance.transpose());
+  return ofLinear(std::move(A));
+}
+
+// H = P^T L L^T P, so that A^T H^-1 A = |L^-1 P A|^2. A has few entries, and L^-1 spreads them
+// along one path of the elimination tree each: solving with H as a whole would go through all of L,
+// twice.
+Eigen::Matrix3d PoseGraph::Covariances::ofLinear(Eigen::MatrixXd A) const {
+  if (factor_.permutationP().size() > 0) A = factor_.permutationP() * A;
+  factor_.matrixL().solveInPlace(A);
+  return A.transpose() * A;
 }
 
 }  // namespace rbpf_core::smoothing

@@ -66,6 +66,9 @@ class PoseGraph {
     Eigen::Matrix3d ofRelative(std::size_t k, std::size_t j) const;
 
    private:
+    // Of A^T x, x all of the graph's unknowns.
+    Eigen::Matrix3d ofLinear(Eigen::MatrixXd A) const;
+
     const PoseGraph& graph_;
     Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factor_;
   };
