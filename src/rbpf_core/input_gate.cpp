@@ -136,7 +136,7 @@ std::optional<Refusal> InputGate::checkClock(const std::string& name, double sta
   if (stamp_s == 0.0) {
     return Refusal(Reason::kNoStamp, name + ": header.stamp is 0, expected a time");
   }
-  const double ahead_s = stamp_s - receipt_s - clock_offset_s_;
+  const double ahead_s = -ageOf(stamp_s, receipt_s);
   const ClockParams& bounds = params_.clock;
   if (isWithin(ahead_s, -bounds.max_behind_s, bounds.max_ahead_s)) return std::nullopt;
   if (ahead_s < 0.0) {

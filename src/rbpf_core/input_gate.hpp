@@ -64,6 +64,11 @@ class InputGate {
   std::optional<Refusal> checkPing(double stamp_s, const std::string& frame, double receipt_s);
   std::optional<Refusal> checkFix(double stamp_s, double receipt_s) const;
 
+  // s from a stamp to its receipt, by the same clock; negative if the stamp lies ahead.
+  double ageOf(double stamp_s, double receipt_s) const {
+    return receipt_s - stamp_s + clock_offset_s_;
+  }
+
  private:
   // Stamps of the pings of one sensor, as they came.
   struct Passed {

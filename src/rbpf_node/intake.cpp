@@ -77,6 +77,7 @@ void Intake::take(const OdometryInput& input, double receipt_s) {
     tellFindings();
     throw *refusal;
   }
+  odometry_receipt_age_s_ = gate_->ageOf(odometry.stamp_s, receipt_s);
   try {
     filter_.addOdometry(odometry);
   } catch (const Refusal& refusal) {  // the filter has counted it
@@ -105,6 +106,7 @@ void Intake::take(PingInput input, double receipt_s) {
   if (const auto refusal = gate(stamp_s, receipt_s).checkPing(stamp_s, input.frame, receipt_s)) {
     throw *refusal;
   }
+  ping_receipt_age_s_ = gate_->ageOf(stamp_s, receipt_s);
   if (paused_) {
     throw Refusal(Reason::kMappingPaused,
                   "ping of stamp " + std::to_string(stamp_s) + " s came while mapping was paused");
@@ -302,6 +304,8 @@ IntakeState Intake::state() const {
   state.findings = findings();
   state.ping_age_p99_s = ages_.quantile(0.99);
   state.ping_age_max_s = ages_.quantile(1.0);
+  state.odometry_receipt_age_s = odometry_receipt_age_s_;
+  state.ping_receipt_age_s = ping_receipt_age_s_;
   return state;
 }
 

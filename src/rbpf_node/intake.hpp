@@ -4,6 +4,7 @@
 
 #include <tf2_ros/buffer.h>
 
+#include <limits>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -38,6 +39,9 @@ struct IntakeState {
   // s, of all pings; NaN before the first, and of a bag
   double ping_age_p99_s;
   double ping_age_max_s;
+  // s from stamp to receipt of the last ones that passed the gate; NaN before the first
+  double odometry_receipt_age_s;
+  double ping_receipt_age_s;
 };
 
 // May be called from any thread.
@@ -105,6 +109,8 @@ class Intake {
   // of those that the filter has taken in
   std::size_t pings_seen_ = 0;
   PingAges ages_;
+  double odometry_receipt_age_s_ = std::numeric_limits<double>::quiet_NaN();
+  double ping_receipt_age_s_ = std::numeric_limits<double>::quiet_NaN();
   // names of findings, and of what else is told of once
   std::set<std::string> told_;
 };

@@ -119,15 +119,12 @@ void MapNodes::hear(std::size_t node, const MapStatus& status) {
   latest_[node] = {status, ros::WallTime::now()};
 }
 
-std::map<std::size_t, double> MapNodes::silentFor(double seconds) const {
+std::map<std::size_t, double> MapNodes::silence() const {
   const ros::WallTime now = ros::WallTime::now();
   const std::lock_guard lock(mutex_);
-  std::map<std::size_t, double> silent;
-  for (const auto& [node, heard] : latest_) {
-    const double age_s = (now - heard.at).toSec();
-    if (age_s > seconds) silent[node] = age_s;
-  }
-  return silent;
+  std::map<std::size_t, double> silent_s;
+  for (const auto& [node, heard] : latest_) silent_s[node] = (now - heard.at).toSec();
+  return silent_s;
 }
 
 std::string MapNodes::service(std::size_t node, const std::string& name) const {

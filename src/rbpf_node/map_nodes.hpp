@@ -30,8 +30,8 @@ class MapNodes : public rbpf_core::Maps {
   void listen();
   void takeStates(const std::vector<rbpf_svgp_slam::MapStatus>& states);
 
-  // Nodes that have been heard of, but not for so long, s of wall time, with their silence.
-  std::map<std::size_t, double> silentFor(double seconds) const;
+  // s of wall time since each node that has ever been heard of was so last.
+  std::map<std::size_t, double> silence() const;
 
   rbpf_core::MapsState state(std::uint32_t epoch) const override;
   const std::vector<std::uint32_t>& nodeOf() const override { return node_of_; }

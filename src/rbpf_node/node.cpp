@@ -14,9 +14,6 @@ namespace rbpf_node {
 namespace {
 
 constexpr double kPromptErrorPeriod_s = 10.0;
-constexpr double kInputStale_s = 5.0;
-// Of a map node, which tells how it is twice a second between its steps.
-constexpr double kNodeSilent_s = 10.0;
 // Of who asks for a smoothing: maps may have to follow the last one first.
 constexpr double kSmoothingPatience_s = 300.0;
 
@@ -56,16 +53,13 @@ SlamNode::SlamNode(ros::NodeHandle node, ros::NodeHandle private_node, const Par
       smoothing_(&filter_, params.smoothing, input, [this] { return haveMapsFollowed(); }),
       services_(private_node, survey_, filter_, loop_closing_, smoothing_),
       publishers_(private_node, filter_, params),
-      diagnostics_(node, private_node, ros::this_node::getName()),
       intake_(params, input, transforms_, &filter_),
+      diagnostics_(
+          node, private_node,
+          {params_, input_, intake_, maps_, loop_closing_, journal_, [this] { return status(); }}),
       triggers_(private_node) {
   if (!journal.path.empty()) keepJournal(journal);
   advertiseTriggers();
-  diagnostics_.setHardwareID("none");
-  diagnostics_.add("input", [this](auto& report) { diagnoseInput(report); });
-  diagnostics_.add("survey", [this](auto& report) { diagnoseSurvey(report); });
-  diagnostics_.add("filter", [this](auto& report) { diagnoseFilter(report); });
-  diagnostics_.add("maps", [this](auto& report) { diagnoseMaps(report); });
   // wall time: the rate means what it says when a bag is replayed faster or slower
   overview_timer_ = node.createWallTimer(ros::WallDuration(1.0 / params_.publish_rate_hz),
                                          [this](const ros::WallTimerEvent&) { publishOverview(); });
@@ -75,7 +69,6 @@ void SlamNode::keepJournal(const JournalParameters& params) {
   journal_.emplace(params, rbpf_core::ProgramSettings{survey_, params.program}, &filter_,
                    &loop_closing_);
   intake_.resume();
-  diagnostics_.add("journal", [this](auto& report) { diagnoseJournal(report); });
 }
 
 // ---- input ---------------------------------------------------------------------------------
@@ -95,6 +88,7 @@ void SlamNode::handle(const FixInput& input, double receipt_s) { intake_.take(in
 
 void SlamNode::finish() {
   intake_.finish();
+  diagnostics_.expectNoMoreInput();
   smoothing_.finish();
   if (input_ == Input::kBag) smoothing_.work();
 }
@@ -268,94 +262,6 @@ void SlamNode::publishOverview() {
   if (now.odometry_messages > 0)
     publishers_.publishOverview(now.header.stamp, *smoothing_.result());
   diagnostics_.update();
-}
-
-// ---- diagnostics ---------------------------------------------------------------------------
-
-void SlamNode::diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const {
-  using diagnostic_msgs::DiagnosticStatus;
-  const rbpf_svgp_slam::FilterStatus now = status();
-  const double age_s = ros::Time::now().toSec() - now.header.stamp.toSec();
-  if (now.odometry_messages == 0) {
-    report.summary(DiagnosticStatus::WARN, "no odometry yet");
-  } else if (age_s > kInputStale_s) {
-    report.summaryf(DiagnosticStatus::WARN, "no odometry for %.1f s", age_s);
-  } else if (now.mapping_paused) {
-    report.summary(DiagnosticStatus::WARN, "mapping is paused: pings are not taken in");
-  } else if (!now.refusal_reasons.empty()) {
-    report.summary(DiagnosticStatus::WARN, "messages were lost or refused");
-  } else {
-    report.summary(DiagnosticStatus::OK, "odometry and pings are coming in");
-  }
-  report.add("odometry messages", now.odometry_messages);
-  report.add("pings", now.pings);
-  report.add("pings waiting", now.pings_waiting);
-  report.add("pings dropped", now.pings_dropped);
-  report.add("pings rejected", now.pings_rejected);
-  report.add("fixes", now.fixes);
-  report.add("fixes refused", now.fixes_refused);
-  for (std::size_t i = 0; i < now.refusal_reasons.size(); ++i) {
-    report.add(now.refusal_reasons[i],
-               std::to_string(now.refusal_counts[i]) + "; first: " + now.refusal_examples[i]);
-  }
-  report.add("ping age, 99th percentile (s)", now.ping_age_p99_s);
-  report.add("beams", now.beams);
-  report.add("beams rejected", now.beams_rejected);
-}
-
-void SlamNode::diagnoseSurvey(diagnostic_updater::DiagnosticStatusWrapper& report) const {
-  using diagnostic_msgs::DiagnosticStatus;
-  report.summary(DiagnosticStatus::OK, "nothing is wrong with the survey as a whole");
-  for (const rbpf_core::Finding& finding : intake_.state().findings) {
-    const bool is_error = finding.severity == rbpf_core::Severity::kError;
-    report.mergeSummary(is_error ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN, finding.name);
-    report.add(finding.name, finding.text);
-  }
-}
-
-void SlamNode::diagnoseFilter(diagnostic_updater::DiagnosticStatusWrapper& report) const {
-  using diagnostic_msgs::DiagnosticStatus;
-  const rbpf_svgp_slam::FilterStatus now = status();
-  report.summary(now.resamplings_failed == 0 ? DiagnosticStatus::OK : DiagnosticStatus::WARN,
-                 now.message);
-  report.add("effective particles", now.n_eff);
-  report.add("prompts", now.prompts);
-  report.add("prompts vetoed", now.prompts_vetoed);
-  report.add("prompts skipped", now.prompts_skipped);
-  report.add("resamplings", now.epoch);
-  report.add("resamplings failed", now.resamplings_failed);
-}
-
-void SlamNode::diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const {
-  using diagnostic_msgs::DiagnosticStatus;
-  const rbpf_core::MapsState maps = maps_.state(loop_closing_.epoch());
-  if (maps.nodes_heard < params_.nodes) {
-    report.summaryf(DiagnosticStatus::ERROR, "%zu of %zu map nodes have reported", maps.nodes_heard,
-                    params_.nodes);
-  } else {
-    report.summaryf(DiagnosticStatus::OK, "%zu of %zu maps are ready", maps.maps_ready,
-                    params_.filter.particles);
-  }
-  // Offline they are heard of in their turns.
-  if (input_ == Input::kLive) {
-    for (const auto& [node, silent_s] : maps_.silentFor(kNodeSilent_s)) {
-      report.mergeSummaryf(DiagnosticStatus::ERROR,
-                           "svgp_node_%zu has not been heard of for %.0f s", node, silent_s);
-    }
-  }
-  report.add("training steps", maps.steps);
-}
-
-void SlamNode::diagnoseJournal(diagnostic_updater::DiagnosticStatusWrapper& report) const {
-  using diagnostic_msgs::DiagnosticStatus;
-  const std::string problem = journal_->problem();
-  if (problem.empty()) {
-    report.summary(DiagnosticStatus::OK, "the survey can be resumed");
-  } else {
-    report.summary(DiagnosticStatus::ERROR, "the journal has ended: " + problem);
-  }
-  report.add("file", journal_->path());
-  report.add("MB", static_cast<double>(journal_->bytes()) / 1e6);
 }
 
 }  // namespace rbpf_node

@@ -2,7 +2,6 @@
 // door, live and in an offline replay.
 #pragma once
 
-#include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
 #include <tf2_ros/buffer.h>
@@ -10,6 +9,7 @@
 #include <atomic>
 
 #include "rbpf_core/loop_closing.hpp"
+#include "rbpf_node/diagnostics.hpp"
 #include "rbpf_node/intake.hpp"
 #include "rbpf_node/map_nodes.hpp"
 #include "rbpf_node/publishers.hpp"
@@ -60,11 +60,6 @@ class SlamNode {
   void tellInput(const rbpf_core::FilterSnapshot& filter,
                  rbpf_svgp_slam::FilterStatus* status) const;
   void tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const;
-  void diagnoseInput(diagnostic_updater::DiagnosticStatusWrapper& report) const;
-  void diagnoseSurvey(diagnostic_updater::DiagnosticStatusWrapper& report) const;
-  void diagnoseFilter(diagnostic_updater::DiagnosticStatusWrapper& report) const;
-  void diagnoseMaps(diagnostic_updater::DiagnosticStatusWrapper& report) const;
-  void diagnoseJournal(diagnostic_updater::DiagnosticStatusWrapper& report) const;
 
   const Parameters params_;
   const std::uint64_t survey_;
@@ -78,9 +73,9 @@ class SlamNode {
   Services services_;
   Publishers publishers_;
   tf2_ros::Buffer transforms_;
-  diagnostic_updater::Updater diagnostics_;
 
   Intake intake_;
+  Diagnostics diagnostics_;
 
   std::atomic<bool> ends_{false};
   TriggerServices triggers_;

@@ -44,6 +44,8 @@ class SurveyJournal {
 
   const std::string& path() const { return path_; }
   std::uint64_t bytes() const { return writer_->bytes(); }
+  // That the disk has still to take.
+  std::uint64_t waitingBytes() const { return writer_->waitingBytes(); }
   // Why it has ended before its time; empty: it goes on.
   std::string problem() const { return writer_->problem(); }
   // How often the survey has gone on from it, this time included.

@@ -23,6 +23,7 @@ import rospy
 import rostest
 import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam.msg import FilterStatus
@@ -319,6 +320,7 @@ class Surveys(unittest.TestCase):
             status = self.status_with(lambda s: s.prompts > 0 and s.pings > 100, log)
             os.kill(pid_of("/rbpf_core"), signal.SIGKILL)
             before, status = status, self.status_with(lambda s: s.pings > status.pings + 30, log)
+            status = self.stop_a_map_node(status, log)
             replay.send_signal(signal.SIGINT)
             self.assertEqual(replay.wait(60), 0)
             output = log.read_text()
@@ -348,15 +350,46 @@ class Surveys(unittest.TestCase):
         _, output = launch("slam.launch", *self.common_args(), timeout_s=60)
         self.assertIn("survey.journal is there already", output)
 
-    def status_with(self, is_wanted, log, patience_s=60):
-        """The first status of the core that is wanted."""
+    def stop_a_map_node(self, before, log):
+        """It hangs: /diagnostics says so, by its name, and pings go on. Returns a later status."""
+        pid = pid_of("/svgp_node_1")
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            silent = self.diagnosed("maps", lambda d: d.level == DiagnosticStatus.ERROR, log)
+            self.assertIn("svgp_node_1 not heard of for", silent.message)
+            well = self.diagnosed("input", lambda d: d.level == DiagnosticStatus.OK, log)
+            self.assertEqual(well.message, "odometry: coming in; pings: coming in")
+            after = self.status_with(lambda s: s.pings > before.pings, log)
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        well = self.diagnosed("maps", lambda d: d.level == DiagnosticStatus.OK, log)
+        self.assertIn("of 5 maps are ready", well.message)
+        return after
+
+    def diagnosed(self, name, is_wanted, log):
+        """The first of these diagnostics of the core that is wanted."""
         found = []
 
-        def take(status):
-            if not found and is_wanted(status):
-                found.append(status)
+        def keep(array):
+            found.extend(d for d in array.status if d.name.endswith(f": {name}") and is_wanted(d))
+            return found
 
-        subscriber = rospy.Subscriber("/rbpf_core/status", FilterStatus, take)
+        self.message_with("/diagnostics", DiagnosticArray, keep, log)
+        return found[0]
+
+    def status_with(self, is_wanted, log):
+        """The first status of the core that is wanted."""
+        return self.message_with("/rbpf_core/status", FilterStatus, is_wanted, log)
+
+    def message_with(self, topic, message_class, is_wanted, log, patience_s=60):
+        """The first message of a topic that is wanted."""
+        found = []
+
+        def take(message):
+            if not found and is_wanted(message):
+                found.append(message)
+
+        subscriber = rospy.Subscriber(topic, message_class, take)
         deadline_s = time.monotonic() + patience_s
         while not found and time.monotonic() < deadline_s:
             time.sleep(0.05)

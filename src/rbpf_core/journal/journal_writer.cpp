@@ -135,6 +135,11 @@ std::uint64_t JournalWriter::bytes() const {
   return bytes_handed_over_;
 }
 
+std::uint64_t JournalWriter::waitingBytes() const {
+  const std::lock_guard lock(mutex_);
+  return problem_.empty() ? bytes_come_ - bytes_handed_over_ : 0;
+}
+
 // ---- the thread ----------------------------------------------------------------------------
 
 void JournalWriter::work() {

@@ -43,6 +43,8 @@ class JournalWriter : public ChangeObserver {
   std::string problem() const;
   // In the file, as far as it is known to be whole.
   std::uint64_t bytes() const;
+  // That have come and are not yet there.
+  std::uint64_t waitingBytes() const;
 
  private:
   void open(const std::string& path, int flags);
