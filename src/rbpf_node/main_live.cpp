@@ -4,6 +4,7 @@
 #include <topic_tools/shape_shifter.h>
 
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
@@ -101,6 +102,8 @@ void run() {
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "rbpf_core");
+  // a limit on the size of files is to be as a full disk, which ends the journal and not the core
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     run();
   } catch (const std::exception& error) {

@@ -52,6 +52,16 @@ JournalParameters loadJournalParameters(const ros::NodeHandle& node,
   return params;
 }
 
+void refuseEarlierRun(const std::string& journal) {
+  for (const std::string name : {"report.json", "survey.npz", "trajectory.tum"}) {
+    const std::filesystem::path file = std::filesystem::path(journal).parent_path() / name;
+    if (!std::filesystem::exists(file)) continue;
+    throw std::runtime_error("the run folder has " + file.string() +
+                             " of an earlier run; expected none, or overwrite:=true, which loses "
+                             "that run");
+  }
+}
+
 std::string setAside(const std::string& path) {
   int number = 1;
   while (std::filesystem::exists(path + "." + std::to_string(number))) ++number;
@@ -68,6 +78,8 @@ SurveyJournal::SurveyJournal(const JournalParameters& params,
   if (params.resume) {
     resume();
   } else {
+    // one with a journal is refused by that
+    if (!params.overwrite && !std::filesystem::exists(path_)) refuseEarlierRun(path_);
     writer_ = std::make_unique<JournalWriter>(
         path_,
         params.overwrite ? JournalWriter::Existing::kOverwrite : JournalWriter::Existing::kRefuse,

@@ -18,7 +18,7 @@ struct JournalParameters {
   std::string path;
   // ~resume: the survey goes on where the file ends.
   bool resume = false;
-  // ~overwrite: a file that is there already is lost. Otherwise it is refused.
+  // ~overwrite: a journal or a run that is there already is lost. Otherwise it is refused.
   bool overwrite = false;
   // All parameters of the program.
   std::string program;
@@ -30,6 +30,10 @@ JournalParameters validJournalParameters(XmlRpc::XmlRpcValue tree);
 JournalParameters loadJournalParameters(const ros::NodeHandle& node,
                                         const ros::NodeHandle& private_node);
 
+// Where a survey without a journal has left its run: throws std::runtime_error that names the file
+// and what was expected.
+void refuseEarlierRun(const std::string& journal);
+
 // A survey is over, and its journal is kept under another name: PATH.1, PATH.2, ... Returns it.
 std::string setAside(const std::string& path);
 
@@ -37,7 +41,7 @@ class SurveyJournal {
  public:
   // Brings filter and loop closing to where the journal ends if it is to be resumed, and writes
   // down from now on what changes them; neither has begun yet. Throws std::runtime_error as
-  // JournalWriter and resumeFrom do.
+  // JournalWriter, resumeFrom and refuseEarlierRun do.
   SurveyJournal(const JournalParameters& params, const rbpf_core::ProgramSettings& settings,
                 rbpf_core::ParticleFilter* filter, rbpf_core::LoopClosing* loop_closing);
   ~SurveyJournal();

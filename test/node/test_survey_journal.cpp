@@ -1,6 +1,9 @@
 // The live node's private parameters of its journal.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "error_of.hpp"
@@ -33,6 +36,26 @@ TEST(JournalParameters, NameAnAbsolutePath) {
 TEST(JournalParameters, ResumeNothingWithoutAJournal) {
   EXPECT_TRUE(contains(errorOf([] { validJournalParameters(treeWith("", true)); }),
                        "parameter ~resume is true, expected false where there is no ~journal"));
+}
+
+TEST(EarlierRuns, AreRefusedByTheNameOfAFileOfTheirs) {
+  std::string name = (std::filesystem::temp_directory_path() / "run.XXXXXX").string();
+  const std::filesystem::path folder = mkdtemp(name.data());
+  const std::string journal = folder / "survey.journal";
+  std::ofstream(folder / "ground_truth.tum") << "what a survey may begin with";
+  EXPECT_NO_THROW(refuseEarlierRun(journal));
+  for (const std::string file : {"trajectory.tum", "survey.npz", "report.json"}) {
+    std::ofstream(folder / file) << "an earlier run";
+    try {
+      refuseEarlierRun(journal);
+      ADD_FAILURE() << file;
+    } catch (const std::runtime_error& error) {
+      EXPECT_TRUE(contains(error.what(), (folder / file).string() + " of an earlier run; expected "
+                                                                    "none, or overwrite:=true"))
+          << error.what();
+    }
+  }
+  std::filesystem::remove_all(folder);
 }
 
 }  // namespace

@@ -6,7 +6,12 @@ from pathlib import Path
 import pytest
 
 from rbpf_svgp_slam.parameters.rules import ParameterError
-from rbpf_svgp_slam.recorder.room_to_write import LEAST_FREE_MB, expect_room
+from rbpf_svgp_slam.recorder.room_to_write import (
+    LEAST_FREE_MB,
+    OF_A_RUN,
+    expect_no_earlier_run,
+    expect_room,
+)
 
 
 def test_a_folder_that_can_be_made_is_made_and_left_empty(tmp_path):
@@ -39,3 +44,20 @@ def test_a_disk_that_is_nearly_full_is_told_with_its_space(tmp_path, monkeypatch
         ParameterError, match="on whose disk 499 MB are free; expected at least 500"
     ):
         expect_room(tmp_path)
+
+
+@pytest.mark.parametrize("name", OF_A_RUN)
+def test_a_live_run_is_not_written_over_another(tmp_path, name):
+    expect_no_earlier_run(tmp_path, offline=False)
+    (tmp_path / name).touch()
+    with pytest.raises(ParameterError, match=f"has {name} of an earlier run; .*overwrite:=true"):
+        expect_no_earlier_run(tmp_path, offline=False)
+    expect_no_earlier_run(tmp_path, offline=True)  # both can be made again from their bags
+
+
+def test_a_bag_s_run_is_not_written_over_a_live_survey(tmp_path):
+    (tmp_path / "survey.journal").touch()
+    with pytest.raises(ParameterError, match="survey.journal of an earlier live survey"):
+        expect_no_earlier_run(tmp_path, offline=True)
+    # live it may be the one that the core has just begun, which refuses an earlier one itself
+    expect_no_earlier_run(tmp_path, offline=False)

@@ -180,9 +180,19 @@ def test_the_recorders_parameters_are_read_through_the_same_loader(tree):
 
 
 def test_the_recorders_private_parameters(tmp_path):
-    launched = {"out": str(tmp_path), "bag": "F.bag", "offline": True, "terrain": "F.npz"}
-    assert validate_recorder(launched) == RecorderParameters(tmp_path, "F.bag", True, "F.npz")
-    assert validate_recorder({"out": str(tmp_path)}) == RecorderParameters(tmp_path, "", False, "")
+    launched = {
+        "out": str(tmp_path),
+        "bag": "F.bag",
+        "offline": True,
+        "terrain": "F.npz",
+        "resume": True,
+    }
+    assert validate_recorder(launched) == RecorderParameters(
+        tmp_path, "F.bag", True, "F.npz", False, True
+    )
+    assert validate_recorder({"out": str(tmp_path)}) == RecorderParameters(
+        tmp_path, "", False, "", False, False
+    )
     assert validate_recorder({"out": "~/run"}).out_dir.is_absolute()
 
 

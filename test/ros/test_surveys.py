@@ -5,6 +5,7 @@ import contextlib
 import json
 import os
 import re
+import resource
 import shlex
 import signal
 import subprocess
@@ -26,6 +27,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import Trigger
 
+from rbpf_svgp_slam import _journal
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.run.tracks import read_tum
 
@@ -60,6 +62,9 @@ SMALL = {
     "offline": {"steps_per_second": 20.0},
     "output": {"final_training_s": 1.0},
 }
+
+#: Bytes, of which a survey's pings take five times as many.
+JOURNAL_FITS = 100_000
 
 
 def launch(file, *args, timeout_s=120):
@@ -101,6 +106,13 @@ def pid_of(node):
     uri = rosgraph.Master("/test_surveys").lookupNode(node)
     _, _, pid = xmlrpc.client.ServerProxy(uri).getPid("/test_surveys")
     return pid
+
+
+def limit_files(pid, size):
+    """In place of a full disk: files of a process that may not grow beyond it. The limit before."""
+    before, most = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (size, most))
+    return before
 
 
 class Surveys(unittest.TestCase):
@@ -282,6 +294,8 @@ class Surveys(unittest.TestCase):
                 early = rospy.ServiceProxy(f"/survey_recorder/{name}", Trigger)()
                 self.assertFalse(early.success, early.message)
             self.give_the_start()
+            rospy.wait_for_service("/rbpf_core/get_pings", 60)
+            limit_files(pid_of("/rbpf_core"), JOURNAL_FITS)
             play = ["rosbag", "play", "-q", "-r", "8", "--queue", "10000", "--wait-for-subscribers"]
             topics = ["/odom", "/mbes/pings", "/ground_truth", "/tf", "/tf_static"]
             subprocess.run([*play, "--topics", *topics, "--bags", self.bag], check=True)
@@ -291,12 +305,14 @@ class Surveys(unittest.TestCase):
             report = self.check_run_folder(so_far.message)
             self.assertIn("still going on", report["provenance"]["survey_end"])
             self.assertEqual(sorted(self.out.glob(".*")), [], "what was written aside")
+            self.check_full_disk()
             export = rospy.ServiceProxy("/survey_recorder/export", Trigger)()
             self.assertFalse(export.success)
             self.assertIn("survey_origin is not set", export.message)
             self.assertTrue(rospy.ServiceProxy("/survey_recorder/save", Trigger)().success)
             running.wait(120)  # the report; reached only by a bug, or on a busy machine
             self.check_run_folder()
+            self.check_journal_that_did_not_fit(report["pings"])
         finally:
             running.terminate()
             running.wait(30)
@@ -313,6 +329,33 @@ class Surveys(unittest.TestCase):
         while not start.get_num_connections() and time.monotonic() < deadline_s:
             time.sleep(0.05)
         start.publish(given)
+
+    def check_full_disk(self):
+        """What was written last stays, and who asks is told; the journal's end is diagnosed."""
+        saved = {path.name: path.read_bytes() for path in self.out.iterdir() if path.is_file()}
+        recorder = pid_of("/survey_recorder")
+        unlimited = limit_files(recorder, 1000)
+        so_far = rospy.ServiceProxy("/survey_recorder/save_so_far", Trigger)()
+        limit_files(recorder, unlimited)
+        self.assertFalse(so_far.success)
+        self.assertIn("File too large", so_far.message)
+        self.assertEqual([path for path in self.out.glob(".*")], [], "what was written aside")
+        for name, content in saved.items():
+            self.assertEqual((self.out / name).read_bytes(), content, name)
+        ended = self.diagnosed("journal", lambda d: d.level == DiagnosticStatus.ERROR)
+        self.assertIn("the journal has ended: File too large", ended.message)
+
+    def check_journal_that_did_not_fit(self, pings):
+        """SLAM has gone on without it, and it is whole up to there."""
+        report = json.loads((self.out / "report.json").read_text())
+        self.assertEqual(report["health"]["journal"], "File too large")
+        self.assertEqual((self.out / "survey.journal").stat().st_size, JOURNAL_FITS)
+        survey = _journal.read(str(self.out / "survey.journal"))
+        self.assertIn("the file ends within a record", survey["why_lost"])
+        written = len(survey["stamp_s"])
+        self.assertTrue(20 < written < pings / 2, f"{written} of {pings}")
+        _, estimate = read_tum(self.out / "online.tum")
+        np.testing.assert_allclose(survey["online"], estimate[:written], atol=1e-6)
 
     def test_a_survey_survives_its_core_and_then_its_launch(self):
         args = ["replay.launch", f"bag:={self.bag}", *self.common_args(), "rate:=4"]
@@ -345,6 +388,7 @@ class Surveys(unittest.TestCase):
         args = [*self.common_args()[:2], f"resume:={self.out}"]
         with running_launch("slam.launch", *args) as (_, log):
             resumed = self.status_with(lambda s: s.pings > 0, log)
+            rospy.wait_for_service("/survey_recorder/save", 60)  # the run there is its own
         self.assertEqual(resumed.pings, report["pings"])
         # another survey must not be written over it by mistake
         _, output = launch("slam.launch", *self.common_args(), timeout_s=60)
@@ -366,7 +410,7 @@ class Surveys(unittest.TestCase):
         self.assertIn("of 5 maps are ready", well.message)
         return after
 
-    def diagnosed(self, name, is_wanted, log):
+    def diagnosed(self, name, is_wanted, log=None):
         """The first of these diagnostics of the core that is wanted."""
         found = []
 
@@ -381,7 +425,7 @@ class Surveys(unittest.TestCase):
         """The first status of the core that is wanted."""
         return self.message_with("/rbpf_core/status", FilterStatus, is_wanted, log)
 
-    def message_with(self, topic, message_class, is_wanted, log, patience_s=60):
+    def message_with(self, topic, message_class, is_wanted, log=None, patience_s=60):
         """The first message of a topic that is wanted."""
         found = []
 
@@ -394,7 +438,7 @@ class Surveys(unittest.TestCase):
         while not found and time.monotonic() < deadline_s:
             time.sleep(0.05)
         subscriber.unregister()
-        self.assertTrue(found, log.read_text())
+        self.assertTrue(found, log.read_text() if log else topic)
         return found[0]
 
     def test_wrong_parameters_stop_the_start(self):

@@ -134,9 +134,9 @@ def _run(
     config = folder / "config.yaml"
     config.write_text(yaml.safe_dump(settings["parameters"]))
     command = ["roslaunch", "--no-summary", PACKAGE]
-    live = ["replay.launch", f"rate:={options.rate}", "overwrite:=true"]
+    live = ["replay.launch", f"rate:={options.rate}"]
     command += live if plan.live else ["offline.launch"]
-    command += [f"bag:={bag}", f"config:={config}", f"out:={folder}"]
+    command += [f"bag:={bag}", f"config:={config}", f"out:={folder}", "overwrite:=true"]
     command += [f"terrain:={bag.with_suffix('.terrain.npz')}"]
     # As they are now: the tree may change while a long run goes on.
     facts = {

@@ -87,6 +87,8 @@ class RecorderParameters:
     bag: str  # being replayed; empty: live
     offline: bool  # the bag is read by rbpf_offline, not played
     terrain_file: str  # the true seabed of a simulated survey; empty: not known
+    overwrite: bool  # an earlier run in the folder is lost; otherwise it is refused
+    resume: bool  # the survey in the folder goes on
 
 
 #: Of map.npz and the report's pictures: what memory and patience bear.
@@ -114,6 +116,8 @@ RECORDER_RULES = {
     "bag": of_type(str),
     "offline": of_type(bool),
     "terrain": of_type(str),
+    "overwrite": of_type(bool),
+    "resume": of_type(bool),
 }
 
 
@@ -153,13 +157,16 @@ def validate_index(index: Any, nodes: int) -> int:
 
 def validate_recorder(private: Mapping[str, Any]) -> RecorderParameters:
     """The recorder's private parameters, by name without ~; raises ParameterError."""
-    given = {"out": MISSING, "bag": "", "offline": False, "terrain": "", **private}
+    defaults = {"bag": "", "offline": False, "terrain": "", "overwrite": False, "resume": False}
+    given = {"out": MISSING, **defaults, **private}
     values = {key: checked(f"~{key}", given[key], rule) for key, rule in RECORDER_RULES.items()}
     return RecorderParameters(
         out_dir=Path(values["out"]).expanduser(),
         bag=values["bag"],
         offline=values["offline"],
         terrain_file=values["terrain"],
+        overwrite=values["overwrite"],
+        resume=values["resume"],
     )
 
 

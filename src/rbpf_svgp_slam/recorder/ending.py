@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
 from pathlib import Path
 
 import psutil
+
+from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.recorder.ground_truth import GroundTruth
+from rbpf_svgp_slam.run.aside import written_aside
 
 #: For roslaunch to pass the end on, and then for the other processes to go; less than the 15 s
 #: after which roslaunch would send us SIGTERM.
@@ -35,6 +40,18 @@ def end_launch(farewell: str, ending_already: bool) -> None:
             told.wait(PATIENCE_S)
         psutil.wait_procs(others, timeout=PATIENCE_S)
     print(farewell, flush=True)
+
+
+def way_out(folder: Path, ground_truth: GroundTruth) -> str:
+    """What may be done for a run folder that has not been written; empty without a journal.
+
+    Keeps what the journal does not have, if the disk takes it.
+    """
+    if not (folder / names.JOURNAL).is_file():
+        return ""
+    with contextlib.suppress(OSError), written_aside(folder) as aside:
+        ground_truth.save(aside / "ground_truth.tum")
+    return f". recover_run.py {folder} makes one; slam.launch resume:={folder} goes on"
 
 
 def _is_launcher(process: psutil.Process) -> bool:

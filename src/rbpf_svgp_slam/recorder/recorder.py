@@ -24,12 +24,12 @@ from rbpf_svgp_slam.parameters.rules import ParameterError
 from rbpf_svgp_slam.parameters.server import parameter_tree
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.recorder.assembly import assemble_run
-from rbpf_svgp_slam.recorder.ending import end_launch
+from rbpf_svgp_slam.recorder.ending import end_launch, way_out
 from rbpf_svgp_slam.recorder.ground_truth import POSE_OF, GroundTruth
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import nothing_taken_in
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
-from rbpf_svgp_slam.recorder.room_to_write import expect_room
+from rbpf_svgp_slam.recorder.room_to_write import expect_no_earlier_run, expect_room
 from rbpf_svgp_slam.recorder.seabed_publisher import SeabedPublisher
 from rbpf_svgp_slam.recorder.so_far import SoFar
 from rbpf_svgp_slam.recorder.survey_client import finish_survey
@@ -53,6 +53,8 @@ def start() -> int | str:
     rospy.init_node(NAME)
     try:
         private = validate_recorder(rospy.get_param(rospy.get_name(), {}))
+        if not (private.overwrite or private.resume):
+            expect_no_earlier_run(private.out_dir, private.offline)
         expect_room(private.out_dir)
         recorder = Recorder(private, parameter_tree(NAME))
     except ParameterError as error:
@@ -80,6 +82,7 @@ class Recorder:
         self._recording = self._new_recording()
         #: To be said at the very end, whatever it is.
         self.farewell = ""
+        self._saved = False
         nodes = range(parameters.nodes)
         # Statuses by sender.
         self._heard = {names.CORE: 0, **{names.map_node(k): 0 for k in nodes}}
@@ -109,12 +112,12 @@ class Recorder:
         return 0
 
     def _way_out(self) -> str:
-        """Of a survey that has a journal; keeps what the journal does not have."""
-        out_dir = self._recording.out_dir
-        if self._private.offline or not (out_dir / names.JOURNAL).is_file():
+        recording = self._recording
+        if self._saved:
+            return f". The run is saved: evaluate_run.py {recording.out_dir} makes one"
+        if self._private.offline:
             return ""
-        self._recording.ground_truth.save(out_dir / "ground_truth.tum")
-        return f". recover_run.py {out_dir} makes one; slam.launch resume:={out_dir} goes on"
+        return way_out(recording.out_dir, recording.ground_truth)
 
     def _record(self) -> None:
         source = self._source()
@@ -133,6 +136,7 @@ class Recorder:
         run = assemble_run(self._recording, self._private.bag, self._pings_lost(source))
         # At first, so that the data are safe whatever happens then.
         save_run(run, self._recording.out_dir)
+        self._saved = True
         # Before the report, which takes its time: RViz ends with the launch.
         self._seabed.publish(run)
         figures = self._recording.parameters.output.figures
