@@ -21,7 +21,10 @@ Eigen::ArrayXd normalisedWeights(const Eigen::ArrayXd& log_weights) {
 double effectiveParticles(const Eigen::ArrayXd& weights) { return 1.0 / weights.square().sum(); }
 
 bool OnEffectiveSizeDrop::operator()(const Eigen::ArrayXd& weights) const {
-  return effectiveParticles(weights) < share * static_cast<double>(weights.size());
+  // equal weights have J but for rounding, whatever the share
+  constexpr double kRounding = 1e-12;
+  return effectiveParticles(weights) <
+         share * (1.0 - kRounding) * static_cast<double>(weights.size());
 }
 
 std::vector<std::uint32_t> systematicOffspring(const Eigen::ArrayXd& weights, double u) {

@@ -98,6 +98,7 @@ PingLikelihood robustLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction&
 
 Eigen::ArrayXd tempered(const Eigen::ArrayXd& log_weights, const Eigen::ArrayXd& log_likelihood,
                         double tau) {
+  if (tau == 0.0) return normalisedWeights(log_weights);  // 0 times -infinity is no number
   return normalisedWeights(log_weights + tau * log_likelihood);
 }
 

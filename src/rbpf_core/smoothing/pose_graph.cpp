@@ -202,21 +202,23 @@ struct PoseGraph::Fix {
 // ---- what is known ---------------------------------------------------------------------------
 
 PoseGraph::PoseGraph(const SmoothingParams& params, double stamp_s, const Pose2& start)
-    : params_(params), problem_(std::make_unique<ceres::Problem>()) {
+    : params_(params),
+      origin_m_(start.x_m, start.y_m),
+      problem_(std::make_unique<ceres::Problem>()) {
   expectAtLeast("smoothing/velocity_bias_std_mps", params.velocity_bias_std_mps, 0.0);
   expectAtLeast("smoothing/yaw_bias_std_radps", params.yaw_bias_std_radps, 0.0);
   expectAtLeast("smoothing/bias_time_s", params.bias_time_s, 1.0);
   expectAtLeast("smoothing/start_position_std_m", params.start_position_std_m, 0.0);
   expectAtLeast("smoothing/start_yaw_std_rad", params.start_yaw_std_rad, 0.0);
   addBias(stamp_s);
-  poses_.push_back(vectorOf(start));
+  poses_.push_back(fromOrigin(start));
   stamps_s_.push_back(stamp_s);
   bias_of_node_.push_back(0);
   const double position_std_m = std::max(params.start_position_std_m, kLeastStd_m);
   const double yaw_std_rad = std::max(params.start_yaw_std_rad, kLeastStd_rad);
   problem_->AddResidualBlock(
       new ceres::AutoDiffCostFunction<PoseError, 3, 3>(new PoseError{
-          vectorOf(start), Eigen::Vector3d(position_std_m, position_std_m, yaw_std_rad)}),
+          poses_.back(), Eigen::Vector3d(position_std_m, position_std_m, yaw_std_rad)}),
       nullptr, poses_.back().data());
 }
 
@@ -263,7 +265,7 @@ void PoseGraph::addNode(double stamp_s, const Pose2& moved) {
   const Pose2 unbiased{moved.x_m - (c * bias[0] - s * bias[1]) * duration_s,
                        moved.y_m - (s * bias[0] + c * bias[1]) * duration_s,
                        moved.yaw_rad - bias[2] * duration_s};
-  poses_.back() = vectorOf(compose(pose(from), unbiased));
+  poses_.back() = fromOrigin(compose(pose(from), unbiased));
 }
 
 std::size_t PoseGraph::addClosure(std::size_t k, std::size_t j, const UncertainPose& relative) {
@@ -284,7 +286,7 @@ void PoseGraph::clearClosures() {
 std::size_t PoseGraph::addFix(std::size_t i, const Eigen::Vector2d& position_m,
                               const Eigen::Matrix2d& covariance_m2, const Eigen::Vector2d& lever_m,
                               bool may_be_wrong) {
-  const PositionError error{position_m, lever_m, rootInformation<2>(covariance_m2)};
+  const PositionError error{position_m - origin_m_, lever_m, rootInformation<2>(covariance_m2)};
   const auto block = problem_->AddResidualBlock(
       new ceres::AutoDiffCostFunction<PositionError, 2, 3>(new PositionError(error)),
       may_be_wrong ? new ceres::CauchyLoss(std::sqrt(kKernel2)) : nullptr, poses_.at(i).data());
@@ -314,9 +316,13 @@ void PoseGraph::solve() {
   if (!summary.IsSolutionUsable()) throw std::runtime_error("pose graph: " + summary.message);
 }
 
+PoseGraph::Block PoseGraph::fromOrigin(const Pose2& pose) const {
+  return {pose.x_m - origin_m_.x(), pose.y_m - origin_m_.y(), pose.yaw_rad};
+}
+
 Pose2 PoseGraph::pose(std::size_t i) const {
   const Block& x = poses_.at(i);
-  return {x[0], x[1], wrapAngle(x[2])};
+  return {x[0] + origin_m_.x(), x[1] + origin_m_.y(), wrapAngle(x[2])};
 }
 
 std::vector<Pose2> PoseGraph::poses() const {

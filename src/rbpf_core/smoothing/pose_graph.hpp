@@ -82,7 +82,12 @@ class PoseGraph {
   void addBias(double stamp_s);
   int firstColumn(std::size_t node) const { return 3 * static_cast<int>(node); }
 
+  Block fromOrigin(const Pose2& pose) const;
+
   const SmoothingParams params_;
+  // Where the track starts. Poses count from here: the solver stops where its steps are small
+  // against what it solves for, which coordinates of a projection would make large.
+  const Eigen::Vector2d origin_m_;
   // In deques: their addresses stay.
   std::deque<Block> poses_;
   std::vector<double> stamps_s_;
