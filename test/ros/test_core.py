@@ -2,6 +2,7 @@
 """The real core on a short survey: what it lends to the maps, over the wire."""
 
 import copy
+import io
 import subprocess
 import threading
 import time
@@ -30,6 +31,7 @@ from rbpf_svgp_slam.protocol.payload import unpack, unpack_records
 
 PARTICLES = 3
 DURATION_S, BEAMS = 20, 8  # a ping a second
+RUBBISH_S, RUBBISH_A_SECOND = 60, 10  # of each topic
 PATIENCE_S = 30.0  # for what must happen; reached only by a bug
 
 
@@ -84,6 +86,73 @@ def truth_beside(offset_m):
         at.x, at.y, at.z = 2.0 * (stamp_s - 1), offset_m, -10.0
         path.poses.append(pose)
     return path
+
+
+def mutated(data, rng):
+    """Behind sequence number and stamp some bytes are others, missing, or there twice."""
+    data = bytearray(data)
+    for _ in range(rng.integers(1, 4)):
+        at, size = int(rng.integers(12, max(13, len(data)))), int(rng.integers(1, 40))
+        kind = rng.integers(4)
+        if kind == 0:
+            data[at : at + 1] = bytes([rng.integers(256)])
+        elif kind == 1:
+            data[at : at + 4] = (b"\xff" * 4, b"\0\0\xc0\x7f", b"\xff\xff\xff\x3f")[rng.integers(3)]
+        elif kind == 2:
+            del data[at : at + size]
+        else:
+            data[at:at] = data[at : at + size]
+    return bytes(data)
+
+
+def rubbish_publisher(topic, message, rng):
+    """Sends damaged copies of a message with that stamp, as a stranger might."""
+
+    class Rubbish(type(message)):
+        """Goes on the wire as the bytes that it is given."""
+
+        def serialize(self, buff):
+            buff.write(self.data_on_wire)
+
+    sender = publisher(topic, Rubbish)
+
+    def send(stamp_s):
+        message.header.stamp = rospy.Time.from_sec(stamp_s)
+        whole = io.BytesIO()
+        message.serialize(whole)
+        rubbish = Rubbish()
+        rubbish.data_on_wire = mutated(whole.getvalue(), rng)
+        sender.publish(rubbish)
+
+    return send
+
+
+def rubbish_request(request_class, rng):
+    """Absurd values, and now and then bytes that end too early."""
+    number = lambda: int(rng.choice([0, 1, 2, 3, 7, 1000, 2**31, 2**32 - 1]))  # noqa: E731
+    values = [
+        [number() for _ in range(rng.integers(5))] if kind.endswith("[]") else number()
+        for kind in request_class._slot_types
+    ]
+
+    class Cut(request_class):
+        """Its last bytes are missing."""
+
+        def serialize(self, buff):
+            whole = io.BytesIO()
+            super().serialize(whole)
+            buff.write(whole.getvalue()[:-1])
+
+    return (Cut if rng.random() < 0.2 else request_class)(*values)
+
+
+def is_answered(call, request):
+    """Or refused by roscpp itself."""
+    try:
+        call(request)
+    except rospy.ServiceException:
+        return False
+    return True
 
 
 class CoreTest(unittest.TestCase):
@@ -335,6 +404,55 @@ class CoreTest(unittest.TestCase):
         self.assertTrue(np.isnan([taken.yaw, taken.yaw_variance]).all(), "a fix has no heading")
         # 2 m/s for a second from the pose that was given, without the particles' noise
         np.testing.assert_allclose(taken.dead_reckoning, (120.0, 12.0, np.pi / 2), atol=1e-6)
+
+    def test_without_pause_strangers_send_rubbish(self):
+        """After even the reset, by its name: valid pings in between are all taken in."""
+        rng = np.random.default_rng(1)
+        rubbish = {
+            topic: rubbish_publisher(topic, message, rng)
+            for topic, message in (
+                ("odom", odometry(1)),
+                ("mbes/pings", ping(1)),
+                ("fixes", PoseWithCovarianceStamped(header=Header(stamp=rospy.Time(1)))),
+                ("initialpose", PoseWithCovarianceStamped(header=Header(stamp=rospy.Time(1)))),
+            )
+        }
+        calls = {
+            name: (service(name, kind), kind._request_class)
+            for name, kind in (
+                ("get_beams", srv.GetBeams),
+                ("get_closures", srv.GetClosures),
+                ("get_minibatches", srv.GetMinibatches),
+                ("get_pings", srv.GetPings),
+            )
+        }
+        first = rospy.wait_for_message("rbpf_core/status", FilterStatus, PATIENCE_S)
+        begin_s = int(first.header.stamp.to_sec()) + 1
+        answered = 0
+        for stamp_s in range(begin_s, begin_s + RUBBISH_S):
+            self.moves.publish(odometry(stamp_s))
+            self.pings.publish(ping(stamp_s))
+            for send in rubbish.values():
+                for _ in range(RUBBISH_A_SECOND):
+                    send(stamp_s + 0.5)
+            for call, request_class in calls.values():
+                answered += is_answered(call, rubbish_request(request_class, rng))
+            time.sleep(0.02)  # the queue is as long as the messages of a quarter of it
+        self.moves.publish(odometry(begin_s + RUBBISH_S))
+        status = self.await_status(
+            lambda now: now.header.stamp.to_sec() >= begin_s + RUBBISH_S and not now.pings_waiting
+        )
+        taken_s = set()
+        for first_ping in range(0, status.pings, 1000):
+            taken_s.update(np.frombuffer(self.get_pings(first_ping, 1000).stamps, "<f8"))
+        valid_s = {float(stamp_s) for stamp_s in range(begin_s, begin_s + RUBBISH_S)}
+        self.assertEqual(valid_s - taken_s, set())
+        for kind in ("odometry/malformed", "pings/malformed", "fixes/malformed"):
+            self.assertIn(kind, status.refusal_reasons)
+        self.assertGreater(answered, RUBBISH_S)
+        self.assertLess(status.peak_rss_mb - first.peak_rss_mb, 100.0)
+        estimate = np.frombuffer(self.get_pings(0, 1000).estimate, "<f8")
+        self.assertTrue(np.isfinite(estimate).all())
 
     def await_status(self, is_wanted):
         deadline_s = time.monotonic() + PATIENCE_S

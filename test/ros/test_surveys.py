@@ -63,6 +63,8 @@ SMALL = {
     "output": {"final_training_s": 1.0},
 }
 
+#: roslaunch with an exit status that tells how it went.
+RUN_LAUNCH = ["rosrun", "rbpf_svgp_slam", "run_launch.py"]
 #: Bytes, of which a survey's pings take five times as many.
 JOURNAL_FITS = 100_000
 
@@ -285,9 +287,7 @@ class Surveys(unittest.TestCase):
                 self.assertNotRegex(re.sub("Closures:.*", "", output), "failed|refused|undone")
 
     def test_live_until_saved(self):
-        running = subprocess.Popen(
-            ["roslaunch", "--no-summary", "rbpf_svgp_slam", "slam.launch", *self.common_args()]
-        )
+        running = subprocess.Popen([*RUN_LAUNCH, "slam.launch", *self.common_args()])
         try:
             rospy.wait_for_service("/survey_recorder/save_so_far", 60)
             for name in ("save_so_far", "export"):
@@ -310,7 +310,8 @@ class Surveys(unittest.TestCase):
             self.assertFalse(export.success)
             self.assertIn("survey_origin is not set", export.message)
             self.assertTrue(rospy.ServiceProxy("/survey_recorder/save", Trigger)().success)
-            running.wait(120)  # the report; reached only by a bug, or on a busy machine
+            # the report; reached only by a bug, or on a busy machine
+            self.assertEqual(running.wait(120), 0)
             self.check_run_folder()
             self.check_journal_that_did_not_fit(report["pings"])
         finally:
@@ -391,8 +392,14 @@ class Surveys(unittest.TestCase):
             rospy.wait_for_service("/survey_recorder/save", 60)  # the run there is its own
         self.assertEqual(resumed.pings, report["pings"])
         # another survey must not be written over it by mistake
-        _, output = launch("slam.launch", *self.common_args(), timeout_s=60)
-        self.assertIn("survey.journal is there already", output)
+        again = subprocess.run(
+            [*RUN_LAUNCH, "slam.launch", *self.common_args()],
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        self.assertIn("survey.journal is there already", again.stdout + again.stderr)
+        self.assertEqual(again.returncode, 1)
 
     def stop_a_map_node(self, before, log):
         """It hangs: /diagnostics says so, by its name, and pings go on. Returns a later status."""

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "rbpf_core/refusal.hpp"
+#include "rbpf_node/inputs/array_lengths.hpp"
 
 namespace rbpf_node {
 
@@ -38,14 +39,16 @@ Message deserialised(const RawMessage& raw) {
   auto* bytes = const_cast<std::uint8_t*>(raw.bytes.data());
   ros::serialization::IStream stream(bytes, static_cast<std::uint32_t>(raw.bytes.size()));
   Message message;
+  bool is_whole = arraysFit<Message>(raw.bytes);
   try {
-    ros::serialization::deserialize(stream, message);
+    if (is_whole) ros::serialization::deserialize(stream, message);
   } catch (const ros::serialization::StreamOverrunException&) {
-    throw rbpf_core::Refusal(rbpf_core::Reason::kMalformed,
-                             std::to_string(raw.bytes.size()) + " bytes, expected a whole " +
-                                 ros::message_traits::datatype<Message>());
+    is_whole = false;
   }
-  return message;
+  if (is_whole) return message;
+  throw rbpf_core::Refusal(rbpf_core::Reason::kMalformed,
+                           std::to_string(raw.bytes.size()) + " bytes, expected a whole " +
+                               ros::message_traits::datatype<Message>());
 }
 
 // The header that all messages of the table begin with. Throws Refusal if its stamp is zero: such a
