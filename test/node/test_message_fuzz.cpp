@@ -109,7 +109,8 @@ TEST(FuzzedMessages, AreReadOrRefused) {
   });
   for (std::size_t k = 0; k < kinds.size(); ++k) {
     EXPECT_GT(refused[k], 1000U) << kinds[k].raw.datatype;
-    if (k < 3) EXPECT_GT(read[k], 500U) << kinds[k].raw.datatype;
+    if (kinds[k].kind == InputKind::kFix) continue;  // of zeros: no covariance, no frame
+    EXPECT_GT(read[k], 500U) << kinds[k].raw.datatype;
   }
   EXPECT_LT(peakMb() - before_mb, 20.0);
 }
