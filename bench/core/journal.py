@@ -11,6 +11,7 @@ from bench.core import program
 #: By name: particles, pings a second, beams, hours.
 CASES = {
     "j40_1h": (40, 5, 256, 1.0),
+    "j40_8h": (40, 5, 256, 8.0),
     "large_sonar_1h": (40, 20, 512, 1.0),
 }
 _PER_HOUR = "j40_1h"
