@@ -422,6 +422,7 @@ class CoreTest(unittest.TestCase):
             for name, kind in (
                 ("get_beams", srv.GetBeams),
                 ("get_closures", srv.GetClosures),
+                ("get_fixes", srv.GetFixes),
                 ("get_minibatches", srv.GetMinibatches),
                 ("get_pings", srv.GetPings),
             )

@@ -23,8 +23,8 @@ import rospkg
 import rospy
 import rostest
 import yaml
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam import _journal
