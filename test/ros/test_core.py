@@ -2,7 +2,6 @@
 """The real core on a short survey: what it lends to the maps, over the wire."""
 
 import copy
-import io
 import subprocess
 import threading
 import time
@@ -15,6 +14,7 @@ import rostest
 import tf2_ros
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import Odometry, Path
+from rubbish import is_answered, rubbish_request, rubbish_sender
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
@@ -86,73 +86,6 @@ def truth_beside(offset_m):
         at.x, at.y, at.z = 2.0 * (stamp_s - 1), offset_m, -10.0
         path.poses.append(pose)
     return path
-
-
-def mutated(data, rng):
-    """Behind sequence number and stamp some bytes are others, missing, or there twice."""
-    data = bytearray(data)
-    for _ in range(rng.integers(1, 4)):
-        at, size = int(rng.integers(12, max(13, len(data)))), int(rng.integers(1, 40))
-        kind = rng.integers(4)
-        if kind == 0:
-            data[at : at + 1] = bytes([rng.integers(256)])
-        elif kind == 1:
-            data[at : at + 4] = (b"\xff" * 4, b"\0\0\xc0\x7f", b"\xff\xff\xff\x3f")[rng.integers(3)]
-        elif kind == 2:
-            del data[at : at + size]
-        else:
-            data[at:at] = data[at : at + size]
-    return bytes(data)
-
-
-def rubbish_publisher(topic, message, rng):
-    """Sends damaged copies of a message with that stamp, as a stranger might."""
-
-    class Rubbish(type(message)):
-        """Goes on the wire as the bytes that it is given."""
-
-        def serialize(self, buff):
-            buff.write(self.data_on_wire)
-
-    sender = publisher(topic, Rubbish)
-
-    def send(stamp_s):
-        message.header.stamp = rospy.Time.from_sec(stamp_s)
-        whole = io.BytesIO()
-        message.serialize(whole)
-        rubbish = Rubbish()
-        rubbish.data_on_wire = mutated(whole.getvalue(), rng)
-        sender.publish(rubbish)
-
-    return send
-
-
-def rubbish_request(request_class, rng):
-    """Absurd values, and now and then bytes that end too early."""
-    number = lambda: int(rng.choice([0, 1, 2, 3, 7, 1000, 2**31, 2**32 - 1]))  # noqa: E731
-    values = [
-        [number() for _ in range(rng.integers(5))] if kind.endswith("[]") else number()
-        for kind in request_class._slot_types
-    ]
-
-    class Cut(request_class):
-        """Its last bytes are missing."""
-
-        def serialize(self, buff):
-            whole = io.BytesIO()
-            super().serialize(whole)
-            buff.write(whole.getvalue()[:-1])
-
-    return (Cut if rng.random() < 0.2 else request_class)(*values)
-
-
-def is_answered(call, request):
-    """Or refused by roscpp itself."""
-    try:
-        call(request)
-    except rospy.ServiceException:
-        return False
-    return True
 
 
 class CoreTest(unittest.TestCase):
@@ -409,7 +342,7 @@ class CoreTest(unittest.TestCase):
         """After even the reset, by its name: valid pings in between are all taken in."""
         rng = np.random.default_rng(1)
         rubbish = {
-            topic: rubbish_publisher(topic, message, rng)
+            topic: rubbish_sender(message, lambda kind, topic=topic: publisher(topic, kind), rng)
             for topic, message in (
                 ("odom", odometry(1)),
                 ("mbes/pings", ping(1)),

@@ -12,6 +12,7 @@ import rospy
 import rostest
 from node_services import PATIENCE_S, at_once, service, wait_until
 from nav_msgs.msg import OccupancyGrid
+from rubbish import is_answered, rubbish_request
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
@@ -247,6 +248,26 @@ class ResamplingTest(unittest.TestCase):
         self.assertTrue(predict(epoch, [0], 4, pack(xy)).success)
 
     # The core
+
+    def test_rubbish_is_refused_and_the_node_lives_on(self):
+        rng = np.random.default_rng(2)
+        epoch, answered = self.core.epoch, 0
+        for name, kind in (
+            ("commit_resampling", srv.CommitResampling),
+            ("get_maps", srv.GetMaps),
+            ("predict", srv.PredictBeams),
+            ("prepare_resampling", srv.PrepareResampling),
+        ):
+            call = service(0, name, kind)
+            for _ in range(40):
+                request = rubbish_request(kind._request_class, rng, cut_share=0.0)
+                if request.epoch == epoch + 1:
+                    request.epoch = 1000  # that of a resampling is waited for
+                answered += is_answered(call, request)
+        self.assertGreater(answered, 80)
+        self.wait_for_training()
+        self.assertEqual([self.status[k].epoch for k in range(NODES)], [epoch] * NODES)
+        self.check_resampling([4, 1, 1, 0, 4], fetched=[1, 1])
 
     def test_the_core_may_restart(self):
         self.core.service.shutdown()
