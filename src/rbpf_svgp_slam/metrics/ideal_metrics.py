@@ -41,4 +41,11 @@ def ideal_metrics(run: SurveyRun, notes: list[str]) -> dict[str, Any]:
                 "ideal_online_ate_rmse_m": ate_rmse(tracks.online, tracks.truth),
             }
         )
-    return {name: float(np.sqrt(np.mean([one[name] ** 2 for one in draws]))) for name in nothing}
+    return {name: _rms([one[name] for one in draws]) for name in nothing}
+
+
+def _rms(errors_m: list[float | None]) -> float | None:
+    """None where an error is not defined, as after alignment of fewer than three poses."""
+    if None in errors_m:
+        return None
+    return float(np.sqrt(np.mean(np.square(errors_m))))
