@@ -11,7 +11,7 @@
 namespace rbpf_core {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 // ---- far from the origin -------------------------------------------------------------------
 
@@ -181,7 +181,7 @@ TEST(RobustRule, OfMapsThatAreAllAbsurdIsAVeto) {
 
 TEST(RobustRule, OfLikelihoodsThatAllVanishIsRefused) {
   const Eigen::ArrayXd weights = Eigen::ArrayXd::Constant(3, std::log(1.0 / 3.0));
-  for (const double bad : {-kInfinity, kInfinity, std::nan("")}) {
+  for (const double bad : {-kInfinite, kInfinite, std::nan("")}) {
     EXPECT_THROW(updateWeights(weights, Eigen::ArrayXd::Constant(3, bad), {}), std::domain_error);
   }
 }

@@ -13,7 +13,7 @@
 namespace rbpf_core {
 namespace {
 
-constexpr Eigen::Index kParticles = 100;
+constexpr Eigen::Index kSlopeParticles = 100;
 constexpr Eigen::Index kBeams = 32;
 constexpr int kPrompts = 60;
 constexpr double kStep_m = 0.1;  // of the wander between two prompts, along x and y alike
@@ -39,14 +39,14 @@ struct StillSurvey {
     true_y_m += normal(kStep_m);
     const double depth_error_m = normal(kSonarStd_m);  // of the map: all beams share it
     Eigen::ArrayXd z_m(kBeams);
-    PingPrediction maps{Eigen::ArrayXXd(kParticles, kBeams),
-                        Eigen::ArrayXXd::Constant(kParticles, kBeams, variance_m2),
-                        Eigen::ArrayXd::Constant(kParticles, 1.0)};
+    PingPrediction maps{Eigen::ArrayXXd(kSlopeParticles, kBeams),
+                        Eigen::ArrayXXd::Constant(kSlopeParticles, kBeams, variance_m2),
+                        Eigen::ArrayXd::Constant(kSlopeParticles, 1.0)};
     for (Eigen::Index i = 0; i < kBeams; ++i) {
       const double across_m = static_cast<double>(i - kBeams / 2);
       const double x_off_m = 0.6 * across_m, y_off_m = 0.8 * across_m;
       z_m(i) = seabed(true_x_m + x_off_m, true_y_m + y_off_m) + depth_error_m + normal(kSonarStd_m);
-      for (Eigen::Index j = 0; j < kParticles; ++j) {
+      for (Eigen::Index j = 0; j < kSlopeParticles; ++j) {
         maps.mean_m(j, i) = seabed(x_m(j) + x_off_m, y_m(j) + y_off_m);
       }
     }
@@ -62,13 +62,13 @@ struct StillSurvey {
     if (!OnEffectiveSizeDrop{}(weights)) return;
     ++resamplings;
     const auto ancestors = numberOffspring(systematicOffspring(weights, stream.uniform()),
-                                           std::vector<std::uint32_t>(kParticles, 0));
+                                           std::vector<std::uint32_t>(kSlopeParticles, 0));
     const Eigen::ArrayXd old_x_m = x_m, old_y_m = y_m;
-    for (Eigen::Index j = 0; j < kParticles; ++j) {
+    for (Eigen::Index j = 0; j < kSlopeParticles; ++j) {
       x_m(j) = old_x_m(ancestors[static_cast<std::size_t>(j)]);
       y_m(j) = old_y_m(ancestors[static_cast<std::size_t>(j)]);
     }
-    log_weights.setConstant(-std::log(static_cast<double>(kParticles)));
+    log_weights.setConstant(-std::log(static_cast<double>(kSlopeParticles)));
   }
 
   double mean(const Eigen::ArrayXd& of) const { return (log_weights.exp() * of).sum(); }
@@ -77,10 +77,10 @@ struct StillSurvey {
   }
 
   RandomStream stream;
-  Eigen::ArrayXd x_m = Eigen::ArrayXd::Zero(kParticles);
-  Eigen::ArrayXd y_m = Eigen::ArrayXd::Zero(kParticles);
+  Eigen::ArrayXd x_m = Eigen::ArrayXd::Zero(kSlopeParticles);
+  Eigen::ArrayXd y_m = Eigen::ArrayXd::Zero(kSlopeParticles);
   Eigen::ArrayXd log_weights =
-      Eigen::ArrayXd::Constant(kParticles, -std::log(static_cast<double>(kParticles)));
+      Eigen::ArrayXd::Constant(kSlopeParticles, -std::log(static_cast<double>(kSlopeParticles)));
   double true_x_m = 0.0, true_y_m = 0.0;
   int resamplings = 0;
 };

@@ -14,7 +14,7 @@ namespace rbpf_core {
 namespace {
 
 constexpr float kNoNumber = std::numeric_limits<float>::quiet_NaN();
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kInfiniteFloat = std::numeric_limits<float>::infinity();
 
 // A swath of beams 0.5 m apart across the track, with a depth that depends on y.
 Ping swath(int beams, const std::function<double(double)>& depth_m) {
@@ -121,8 +121,8 @@ TEST(GoodBeams, RefusesWhatIsNotFinite) {
   ping.beams_m(0, 0) = kNoNumber;
   ping.beams_m(1, 5) = kNoNumber;
   ping.beams_m(2, 6) = kNoNumber;
-  ping.beams_m(2, 10) = kInfinity;
-  ping.beams_m(1, 19) = -kInfinity;
+  ping.beams_m(2, 10) = kInfiniteFloat;
+  ping.beams_m(1, 19) = -kInfiniteFloat;
   EXPECT_EQ(keptOf(ping), allBut(20, {0, 5, 6, 10, 19}));
 }
 
