@@ -2,11 +2,14 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from bench.study import __main__ as command
-from bench.study import cases, contestants, tables
+from bench.study import cases, contestants, figure8, tables
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
+from rbpf_svgp_slam.run.run_files import save_run
 from rbpf_svgp_slam.simulation.mission import get_mission, plan_waypoints
 
 
@@ -92,3 +95,25 @@ def test_a_study_goes_on_where_it_was(tmp_path, monkeypatch):
     study.run(*survey)
     assert ran == [("gmrf40", 201), ("gmrf100", 201)]
     assert [row["contestant"] for row in study.rows([survey])] == ["gmrf40", "gmrf100"]
+
+
+def test_figure_8_has_both_runs_and_both_ideals(run, tmp_path, monkeypatch):
+    paper = dataclasses.replace(run, estimate=run.dead_reckoning)
+    for name, one in (("paper", paper), ("ours", run)):
+        (tmp_path / name).mkdir()
+        save_run(one, tmp_path / name)
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path: drawn.append((figure, path)))
+    monkeypatch.setattr(
+        "sys.argv", ["figure8", *(str(tmp_path / n) for n in ("paper", "ours", "f"))]
+    )
+    figure8.main()
+    [(figure, path)] = drawn
+    assert path == tmp_path / "f"
+    errors_m = {
+        line.get_label().rsplit(" (", 1)[0]: float(np.sqrt(np.nanmean(line.get_ydata() ** 2)))
+        for line in figure.axes[1].lines
+    }
+    assert set(errors_m) == set(figure8.LOOK)
+    assert errors_m["the paper's rule"] == pytest.approx(errors_m["dead reckoning"])
+    assert errors_m["ideal smoother"] < errors_m["ours"] < errors_m["ours, online"]
