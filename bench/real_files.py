@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 
 from bench.paths import ROOT
+from bench.svgp.in_process import markdown
 from rbpf_svgp_slam.evaluation.numbers import fixed
 from rbpf_svgp_slam.figures.chart_figures import depth_chart
 from rbpf_svgp_slam.figures.figure_style import STYLE
@@ -57,7 +58,7 @@ def main(data: str = str(DATA), out: str = str(ROOT / "out" / "real_files")) -> 
     for file, path in zip(FILES, files):
         bag = import_file(file, path, Path(out).resolve() / path.stem)
         rows += [row(file, cells_m, map_bag(bag, cells_m)) for cells_m in CELLS_M]
-    print("\n".join(table(rows)))
+    print(markdown(rows))
     return 0
 
 
@@ -122,12 +123,6 @@ def row(file: RealFile, cells_m: float, run: SurveyRun) -> dict[str, str]:
         "1 m grid (m)": fixed(report["grid_rmse_m"], 3),
         "best particle's map (m)": fixed(report["map_rmse_on_grid_beams_m"], 3),
     }
-
-
-def table(rows: list[dict[str, str]]) -> list[str]:
-    """Lines of Markdown."""
-    lines = [list(rows[0]), ["---"] * len(rows[0]), *(list(one.values()) for one in rows)]
-    return [f"| {' | '.join(line)} |" for line in lines]
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@
 
 #include "../core/mutations.hpp"
 #include "odometry_message.hpp"
+#include "raw_of.hpp"
 #include "rbpf_node/conversions.hpp"
 #include "rbpf_node/inputs/message_types.hpp"
 
@@ -21,14 +22,9 @@ namespace {
 using rbpf_core::InputKind;
 
 template <typename Message>
-RawMessage rawOf(Message message) {
+Message stamped(Message message) {
   message.header.stamp = ros::Time(7.0);
-  RawMessage raw{ros::message_traits::datatype<Message>(), ros::message_traits::md5sum<Message>(),
-                 std::vector<std::uint8_t>(ros::serialization::serializationLength(message))};
-  ros::serialization::OStream stream(raw.bytes.data(),
-                                     static_cast<std::uint32_t>(raw.bytes.size()));
-  ros::serialization::serialize(stream, message);
-  return raw;
+  return message;
 }
 
 sensor_msgs::PointCloud2 cloud() {
@@ -66,11 +62,11 @@ struct Kind {
 };
 
 std::vector<Kind> allKinds() {
-  return {{InputKind::kOdometry, rawOf(odometryMessage())},
-          {InputKind::kPing, rawOf(cloud())},
-          {InputKind::kPing, rawOf(scan())},
-          {InputKind::kFix, rawOf(geometry_msgs::PoseWithCovarianceStamped())},
-          {InputKind::kFix, rawOf(sensor_msgs::NavSatFix())}};
+  return {{InputKind::kOdometry, rawOf(stamped(odometryMessage()))},
+          {InputKind::kPing, rawOf(stamped(cloud()))},
+          {InputKind::kPing, rawOf(stamped(scan()))},
+          {InputKind::kFix, rawOf(stamped(geometry_msgs::PoseWithCovarianceStamped()))},
+          {InputKind::kFix, rawOf(stamped(sensor_msgs::NavSatFix()))}};
 }
 
 double peakMb() {

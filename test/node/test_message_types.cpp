@@ -8,20 +8,11 @@
 
 #include "error_of.hpp"
 #include "odometry_message.hpp"
+#include "raw_of.hpp"
 #include "rbpf_node/inputs/message_types.hpp"
 
 namespace rbpf_node {
 namespace {
-
-template <typename Message>
-RawMessage rawOf(const Message& message) {
-  RawMessage raw{ros::message_traits::datatype<Message>(), ros::message_traits::md5sum<Message>(),
-                 std::vector<std::uint8_t>(ros::serialization::serializationLength(message))};
-  ros::serialization::OStream stream(raw.bytes.data(),
-                                     static_cast<std::uint32_t>(raw.bytes.size()));
-  ros::serialization::serialize(stream, message);
-  return raw;
-}
 
 std::string refusalOf(rbpf_core::InputKind kind, const RawMessage& raw) {
   return errorOf([&] { readInput(kind, raw); });
