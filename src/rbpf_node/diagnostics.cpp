@@ -126,15 +126,19 @@ void Diagnostics::reportFilter(Report& report) {
   report.add("resamplings failed", now.resamplings_failed);
 }
 
-void Diagnostics::reportMaps(Report& report) const {
-  const rbpf_core::MapsState maps = sources_.maps.state(sources_.loop_closing.epoch());
+void Diagnostics::reportMaps(Report& report) {
+  const std::uint32_t epoch = sources_.loop_closing.epoch();
+  const rbpf_core::MapsState maps = sources_.maps.state(epoch);
+  const double now = now_s();
+  resamplings_.look(epoch, now);
   MapsFacts facts;
   facts.nodes = maps.nodes;
   facts.silent_s = sources_.maps.silence();
   facts.nodes_following = maps.nodes_heard;
   facts.particles = sources_.params.filter.particles;
   facts.maps_ready = maps.maps_ready;
-  facts.running_s = (ros::WallTime::now() - start_).toSec();
+  facts.running_s = now - start_.toSec();
+  facts.resampled_s = resamplings_.quietFor(now).value_or(facts.running_s);
   facts.is_live = sources_.input == Input::kLive;
   put(judgeMaps(facts), report);
   report.add("maps ready", maps.maps_ready);

@@ -44,7 +44,7 @@ class Diagnostics {
   void reportInput(Report& report);
   void reportSurvey(Report& report) const;
   void reportFilter(Report& report);
-  void reportMaps(Report& report) const;
+  void reportMaps(Report& report);
   void reportJournal(Report& report) const;
   void reportMachine(Report& report) const;
 
@@ -54,6 +54,7 @@ class Diagnostics {
   StreamHealth odometry_;
   StreamHealth pings_;
   PromptHealth prompts_;
+  Watched resamplings_;
   diagnostic_updater::Updater updater_;
 };
 

@@ -22,6 +22,8 @@ constexpr double kMostBehind_s = 5.0;
 constexpr double kNodeQuiet_s = 5.0;
 constexpr double kNodeSilent_s = 10.0;
 constexpr double kNodesComeUp_s = 30.0;
+// As often as every prompt resamples, nodes are behind at any moment, and well.
+constexpr double kNodesFollow_s = 5.0;
 constexpr std::size_t kNodesNamed = 3;
 
 constexpr std::uint64_t kFailuresBeforeError = 3;
@@ -159,7 +161,8 @@ Verdict judgeMaps(const MapsFacts& facts) {
     verdict.add(facts.running_s > kNodesComeUp_s ? Level::kError : Level::kWarn,
                 named(unheard) + " not heard of yet");
   }
-  if (verdict.level == Level::kOk && facts.nodes_following < facts.nodes) {
+  if (verdict.level == Level::kOk && facts.nodes_following < facts.nodes &&
+      facts.resampled_s > kNodesFollow_s) {
     verdict.add(Level::kWarn, std::to_string(facts.nodes - facts.nodes_following) + " of " +
                                   counted(facts.nodes, "map node") +
                                   " have not followed the last resampling yet");

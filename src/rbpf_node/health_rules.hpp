@@ -96,6 +96,8 @@ struct MapsFacts {
   std::size_t nodes_following = 0;
   std::size_t particles = 0;
   std::size_t maps_ready = 0;
+  // s since the filter resampled last, or since the core's start.
+  double resampled_s = 0.0;
   // s since the core's start.
   double running_s = 0.0;
   // In an offline replay nodes report in their turns: their silence means nothing.

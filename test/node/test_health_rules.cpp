@@ -153,7 +153,10 @@ TEST(Maps, OfNodesThatNeverCameAreAnErrorOnceTheyShouldHave) {
 TEST(Maps, OfNodesThatHaveNotFollowedAreAWarning) {
   MapsFacts facts = healthyMaps();
   facts.nodes_following = 2;
+  facts.resampled_s = 5.1;
   expectVerdict(judgeMaps(facts), kWarn, "1 of 3 map nodes have not followed");
+  facts.resampled_s = 4.9;
+  EXPECT_EQ(judgeMaps(facts).level, kOk);
 }
 
 // ---- prompts -------------------------------------------------------------------------------
