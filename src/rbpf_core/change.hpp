@@ -22,7 +22,7 @@ struct FilterSettings {
   std::string text;
 };
 // What all of the program has been told, in whatever words, and the number by which map nodes know
-// the survey; not for the filter.
+// the survey. A program that is not the first one has the filter go on.
 struct ProgramSettings {
   std::uint64_t survey = 0;
   std::string text;

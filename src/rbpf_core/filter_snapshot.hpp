@@ -125,6 +125,8 @@ class FilterSnapshot {
   // Particles of the start from which all of today's descend; none before the first ping.
   std::size_t founders() const { return pings_ == 0 ? 0 : trajectories_->founders(); }
   std::size_t pingsWaiting() const { return pings_waiting_; }
+  // Whether the survey is over.
+  bool finished() const { return finished_; }
   // In the training log; and those of them that may be trained on now.
   std::size_t beams() const { return beams_; }
   std::size_t beamsReleased() const { return beams_released_; }
@@ -188,6 +190,7 @@ class FilterSnapshot {
   std::optional<Start> start_;
   std::uint32_t redraws_ = 0;
   std::optional<double> redrawn_s_;
+  bool finished_ = false;
 };
 
 // Mean and spread of weighted poses; the yaw's mean is taken on the circle.

@@ -135,11 +135,11 @@ void ParticleFilter::addPing(Ping ping) {
   if (!std::isfinite(ping.stamp_s)) {
     throw refuse(InputKind::kPing, Reason::kNotFinite, "ping's stamp is not finite");
   }
-  if (!recent_.empty() && ping.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(ping);
   if (finished_) {
     throw refuse(InputKind::kPing, Reason::kSurveyOver,
                  nameOf(ping) + " came after the survey's end");
   }
+  if (!recent_.empty() && ping.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(ping);
   const double stamp_s = ping.stamp_s;
   waiting_.emplace(stamp_s, std::move(ping));
   if (waiting_.size() <= params_.ping_queue) return;
@@ -272,6 +272,11 @@ void ParticleFilter::finish() {
          waiting_fixes_.size());
   waiting_fixes_.clear();
   releaseHeldBack();
+}
+
+void ParticleFilter::goOn() {
+  const WriterLock lock(this);
+  finished_ = false;
 }
 
 // ---- weights and resampling ----------------------------------------------------------------
@@ -422,6 +427,7 @@ void ParticleFilter::publishSnapshot(std::shared_ptr<const Eigen::ArrayXd> new_l
   published_.start_ = start_;
   published_.redraws_ = redraws_;
   published_.redrawn_s_ = redrawn_s_;
+  published_.finished_ = finished_;
 }
 
 FilterSnapshot ParticleFilter::snapshot() const {

@@ -79,9 +79,12 @@ class ParticleFilter {
   // From now on the estimate's covariance is at least what follows from this.
   void setKnownError(const KnownError& error);
 
-  // The survey is over: pings still waiting are dropped and counted, nothing is held back any
-  // longer.
+  // The survey is over: pings still waiting are dropped and counted, those that come are refused,
+  // nothing is held back any longer.
   void finish();
+
+  // A survey that is over, or not, is taken up again: pings are taken in.
+  void goOn();
 
   FilterSnapshot snapshot() const;
   const FilterParams& params() const { return params_; }

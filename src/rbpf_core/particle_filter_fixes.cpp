@@ -16,6 +16,9 @@ namespace {
 // Fixes that may wait for odometry, and the latest ones with which another is compared.
 constexpr std::size_t kFixQueue = 1000;
 constexpr std::size_t kFixesCompared = 64;
+// From map's origin. No projection of the earth has coordinates so large: Web Mercator's reach to
+// 2.0e7 m.
+constexpr double kFurthest_m = 3e7;
 
 // Of one that an operator gives.
 Pose2 poseOf(const Fix& given) {
@@ -31,11 +34,11 @@ void ParticleFilter::addFix(const Fix& fix) {
   tell(fix);
   const std::string name = nameOf(fix);
   expectUsable(fix, name);
-  if (fix.heading && log_.pings.size() == 0 && log_.fixes.size() == 0) return startFrom(fix);
-  if (!recent_.empty() && fix.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(fix);
   if (finished_) {
     throw refuse(InputKind::kFix, Reason::kSurveyOver, name + " came after the survey's end");
   }
+  if (fix.heading && log_.pings.size() == 0 && log_.fixes.size() == 0) return startFrom(fix);
+  if (!recent_.empty() && fix.stamp_s <= recent_.back()->odometry.stamp_s) return takeIn(fix);
   waiting_fixes_.emplace(fix.stamp_s, fix);
   if (waiting_fixes_.size() <= kFixQueue) return;
   const std::string oldest = nameOf(waiting_fixes_.begin()->second);
@@ -50,6 +53,13 @@ void ParticleFilter::expectUsable(const Fix& fix, const std::string& name) {
       !fix.covariance_m2.allFinite() ||
       (fix.heading && !std::isfinite(fix.heading->yaw_rad + fix.heading->variance_rad2))) {
     throw refuse(InputKind::kFix, Reason::kNotFinite, name + " holds a value that is not finite");
+  }
+  const double largest_m = fix.position_m.cwiseAbs().maxCoeff();
+  if (largest_m > kFurthest_m) {
+    throw refuse(InputKind::kFix, Reason::kImplausiblePose,
+                 name + " lies at (" + decimal(fix.position_m.x(), 1) + ", " +
+                     decimal(fix.position_m.y(), 1) + ") m, expected within +-" +
+                     decimal(kFurthest_m, 0) + " m. Is it in metres?");
   }
   const Eigen::Matrix2d& R = fix.covariance_m2;
   const double largest_std_m = std::sqrt(std::max(R(0, 0), R(1, 1)));

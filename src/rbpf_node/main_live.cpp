@@ -75,7 +75,7 @@ void run() {
   rbpf_node::AskedStep asked_reset("the reset");
   rbpf_node::TriggerServices triggers(spinning.privateNode());
   triggers.add("reset",
-               [&] { return asked_reset.ask(kResetPatience_s, [] { return !ros::ok(); }); });
+               [&](auto&) { return asked_reset.ask(kResetPatience_s, [] { return !ros::ok(); }); });
   // a map node asks for minibatches and for blocks of beams; one more each for who exports the
   // survey, and who waits for a prompt, a smoothing or a reset
   spinning.start(2 * params.nodes + 4);

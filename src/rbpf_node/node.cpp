@@ -8,6 +8,7 @@
 
 #include "rbpf_core/decimal.hpp"
 #include "rbpf_core/resampling.hpp"
+#include "rbpf_svgp_slam/Finish.h"
 
 namespace rbpf_node {
 
@@ -97,19 +98,28 @@ void SlamNode::finish() {
 
 // Of a bag nothing but its end: the same replay is to give the same result.
 void SlamNode::advertiseTriggers() {
-  triggers_.add("finish", [this] { return finishAndWait(); });
+  using rbpf_svgp_slam::Finish;
+  triggers_.add<Finish>(
+      "finish", [this](const Finish::Request& request) { return finishAndWait(request.survey); });
   if (input_ == Input::kBag) return;
   const auto is_ending = [this] { return ends_ || !ros::ok(); };
   // all that a prompt may wait for, twice: a step may be under way
   const double prompt_patience_s =
       2.0 * (params_.loop_closure_timeout_s + 2.0 * params_.resampling_timeout_s);
-  triggers_.add("prompt", [=] { return asked_prompt_.ask(prompt_patience_s, is_ending); });
-  triggers_.add("smooth", [=] { return smoothing_.smoothNow(kSmoothingPatience_s, is_ending); });
-  triggers_.add("pause_mapping", [this] { return pauseMapping(true); });
-  triggers_.add("resume_mapping", [this] { return pauseMapping(false); });
+  triggers_.add("prompt", [=](auto&) { return asked_prompt_.ask(prompt_patience_s, is_ending); });
+  triggers_.add("smooth",
+                [=](auto&) { return smoothing_.smoothNow(kSmoothingPatience_s, is_ending); });
+  triggers_.add("pause_mapping", [this](auto&) { return pauseMapping(true); });
+  triggers_.add("resume_mapping", [this](auto&) { return pauseMapping(false); });
 }
 
-Answer SlamNode::finishAndWait() {
+// The number is no secret: it keeps a call by mistake from ending the survey.
+Answer SlamNode::finishAndWait(std::uint64_t survey) {
+  if (survey != survey_) {
+    return {false, "survey is " + std::to_string(survey) + ", expected " + std::to_string(survey_) +
+                       ", as in ~status: the survey goes on. survey_recorder/save ends it and "
+                       "writes its run"};
+  }
   finish();
   // Offline there is nobody to wait for: the replay itself sees to the end.
   if (input_ == Input::kLive) smoothing_.awaitLast([this] { return ends_ || !ros::ok(); });
@@ -143,6 +153,7 @@ Answer SlamNode::promptNow() {
 }
 
 Answer SlamNode::pauseMapping(bool pause) {
+  if (filter_.snapshot().finished()) return {false, "the survey is over: pings are not taken in"};
   const bool was_paused = intake_.setPaused(pause);
   const std::string what = pause ? "pings are not taken in" : "pings are taken in";
   return {true, what + (was_paused == pause ? ", as before" : " from now on")};

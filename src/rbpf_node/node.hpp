@@ -52,7 +52,7 @@ class SlamNode {
   void keepJournal(const JournalParameters& params);
   bool haveMapsFollowed() const;
   void advertiseTriggers();
-  Answer finishAndWait();
+  Answer finishAndWait(std::uint64_t survey);
   Answer promptNow();
   Answer pauseMapping(bool pause);
   void publishOverview();

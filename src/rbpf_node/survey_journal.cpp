@@ -100,6 +100,7 @@ SurveyJournal::~SurveyJournal() {
 void SurveyJournal::resume() {
   const auto start = std::chrono::steady_clock::now();
   const rbpf_core::ResumedSurvey survey = rbpf_core::resumeFrom(path_, &filter_);
+  filter_.goOn();
   loop_closing_.resume(survey.epoch, survey.loop_closing);
   resumed_ = survey.programs;
   writer_ = std::make_unique<JournalWriter>(path_, survey.whole_bytes, tellFailure);

@@ -79,6 +79,7 @@ TEST(FixInTime, IsRefusedWithinALongGapAndAfterTheEnd) {
   filter.finish();
   EXPECT_EQ(filter.snapshot().refused().dropped(InputKind::kFix), 2U);
   EXPECT_EQ(add(filter, fixAt(32.0, 64.0, 0.0)).reason, Reason::kSurveyOver);
+  EXPECT_EQ(add(filter, fixAt(30.0, 60.0, 0.0)).reason, Reason::kSurveyOver);
 }
 
 // ---- what is refused ---------------------------------------------------------------------------

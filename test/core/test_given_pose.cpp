@@ -108,6 +108,26 @@ TEST_F(GivenPoseTest, MakesCorrectionsThatWereUnderWayVoid) {
   EXPECT_NO_THROW(filter.correctPast(correction));
 }
 
+// An operator is believed, whatever the estimate says: but not that there is such a place.
+TEST_F(GivenPoseTest, IsRefusedBeyondAnyMapOfTheEarth) {
+  ParticleFilter fresh(quietParams(kDrawnParticles));
+  for (ParticleFilter* of : {&filter, &fresh}) {
+    try {
+      of->addFix(given(8.5, {100.0, -1e9, 0.0}));
+      ADD_FAILURE() << "expected a Refusal";
+    } catch (const Refusal& refusal) {
+      EXPECT_EQ(refusal.reason(), Reason::kImplausiblePose);
+      EXPECT_STREQ(refusal.what(),
+                   "fix of stamp 8.500 s lies at (100.0, -1000000000.0) m, expected within "
+                   "+-30000000 m. Is it in metres?");
+    }
+    EXPECT_EQ(of->snapshot().refused().rejected(InputKind::kFix), 1U);
+  }
+  fresh.addOdometry(straight(0.0));
+  EXPECT_EQ(fresh.snapshot().estimate().mean.y_m, 0.0);
+  EXPECT_NO_THROW(filter.addFix(given(8.5, {2e7, -2e7, 0.0})));
+}
+
 TEST_F(GivenPoseTest, IsRefusedWithoutAVarianceOfItsHeading) {
   Fix fix = given(8.5, kPose);
   fix.heading->variance_rad2 = 0.0;

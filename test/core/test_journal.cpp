@@ -92,6 +92,25 @@ TEST_F(Journal, GoesOnInTheSameFileAsOftenAsTheSurveyIsInterrupted) {
   }
 }
 
+// As with resume:=DIR, whether the survey has been finished or not.
+TEST_F(Journal, GoesOnAfterTheSurveysEnd) {
+  ParticleFilter filter(journalledParams());
+  {
+    const auto journal = journalOf(&filter, path());
+    journal->onChange(ProgramSettings{7, "the first program"});
+    sail(filter, turning, 0, 5);
+    filter.finish();
+    journal->onChange(ProgramSettings{7, "the second program"});
+    filter.goOn();
+    sail(filter, turning, 5, 10);
+    filter.observe(nullptr);
+  }
+  EXPECT_EQ(filter.snapshot().refused().dropped(InputKind::kPing), 0U);
+  ParticleFilter resumed(journalledParams());
+  EXPECT_EQ(resumeFrom(path(), &resumed).programs, 2U);
+  EXPECT_EQ(stateOf(resumed), stateOf(filter));
+}
+
 // The order is that of the changes, whichever thread makes them.
 TEST_F(Journal, HasTheOrderInWhichThreadsHaveChangedTheFilter) {
   ParticleFilter filter(journalledParams());

@@ -263,6 +263,19 @@ TEST(Finish, DropsAndCountsThePingsStillWaiting) {
   EXPECT_EQ(filter.snapshot().counters().pings_dropped, 3U);
 }
 
+TEST(Finish, HasPingsRefusedUntilTheSurveyGoesOn) {
+  ParticleFilter filter(quietParams());
+  addOdometry(filter, {0.0, 1.0, 2.0});
+  filter.finish();
+  EXPECT_TRUE(filter.snapshot().finished());
+  EXPECT_EQ(problemWith(filter, pingAt(1.5)), "ping of stamp 1.500 s came after the survey's end");
+  EXPECT_EQ(filter.snapshot().pings(), 0U);
+  filter.goOn();
+  EXPECT_FALSE(filter.snapshot().finished());
+  EXPECT_EQ(problemWith(filter, pingAt(1.6)), "");
+  EXPECT_EQ(filter.snapshot().pings(), 1U);
+}
+
 // ---- the survey as a whole ---------------------------------------------------------------------
 
 TEST(Survey, HoldsEveryPingWithTheWeightedMeanOfItsHistories) {

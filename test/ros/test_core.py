@@ -269,7 +269,10 @@ class CoreTest(unittest.TestCase):
     def test_with_a_reset_the_survey_starts_over(self):
         """After even that, by its name."""
         before = self.await_status(lambda now: now.survey != 0)
+        self.the_survey_ends_for_who_knows_its_number(before)
         reset = service("reset", Trigger)
+        self.assertEqual(reset().message, "the survey starts over")
+        before = self.await_status(lambda now: now.survey != before.survey)
         self.assertTrue(service("pause_mapping", Trigger)().success)
         self.assertEqual(reset().message, "the survey starts over; pings are taken in again")
         resume = service("resume_mapping", Trigger)()
@@ -318,6 +321,26 @@ class CoreTest(unittest.TestCase):
             poses[:, [0, 1, 5]], [[120, 10, 1.57], [120, 12, 1.57]], atol=0.5
         )
         self.fixes_are_taken_where_they_agree(start)
+
+    def the_survey_ends_for_who_knows_its_number(self, before):
+        finish, resume = service("finish", srv.Finish), service("resume_mapping", Trigger)
+        by_mistake = finish()
+        self.assertFalse(by_mistake.success)
+        self.assertIn(f"survey is 0, expected {before.survey}", by_mistake.message)
+        after_s = before.header.stamp.to_sec() + 1
+        self.moves.publish(odometry(after_s))
+        self.pings.publish(ping(after_s))
+        status = self.await_status(lambda now: now.pings > before.pings)
+        ended = finish(before.survey)
+        self.assertTrue(ended.success, ended.message)
+        self.assertIn(f"{status.pings} pings", ended.message)
+        for ask in (resume, service("pause_mapping", Trigger)):
+            answer = ask()
+            self.assertFalse(answer.success)
+            self.assertIn("the survey is over: pings are not taken in", answer.message)
+        self.pings.publish(ping(after_s - 0.5))  # its odometry is there
+        status = self.await_status(lambda now: "pings/survey_over" in now.refusal_reasons)
+        self.assertEqual(status.pings, before.pings + 1)
 
     def fixes_are_taken_where_they_agree(self, like):
         fixes = publisher("fixes", PoseWithCovarianceStamped)

@@ -16,8 +16,8 @@ class Again {
 
   void operator()(const FilterSettings&) const {}
   void operator()(ProgramSettings& settings) {
+    if (survey_.programs++ > 0) filter_.goOn();
     survey_.settings = std::move(settings);
-    ++survey_.programs;
   }
   void operator()(const Odometry& odometry) {
     asBefore([&] { filter_.addOdometry(odometry); });

@@ -178,7 +178,10 @@ class Recorder:
         progress.end()
 
     def _finish_survey(self) -> None:
-        finish_survey()
+        statuses = self._recording.statuses
+        if not statuses:
+            raise RuntimeError("the core has not yet told of a survey")
+        finish_survey(statuses[-1].survey)
         now_s = time.monotonic()
         self._recording.wall_s = now_s - (self._recording.started_s or now_s)
         rest_s = self._recording.parameters.output.final_training_s

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import rospy
-from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.protocol.shares import owner
 from rbpf_svgp_slam.run.closures import Closures
 from rbpf_svgp_slam.run.fixes import Fixes
-from rbpf_svgp_slam.srv import GetClosures, GetFixes, GetMaps, GetPings
+from rbpf_svgp_slam.srv import Finish, GetClosures, GetFixes, GetMaps, GetPings
 
 PINGS_A_CALL = 1000
 # With a core that is started again, and reads its journal first.
@@ -38,21 +37,24 @@ class Survey:
     levelled: np.ndarray  # [N, 3] x, y in the levelled body frame, z in map, m
 
 
-def finish_survey() -> None:
+def finish_survey(survey: int) -> None:
     """Tell the core that the survey is over. One that has died is waited for: it is started again.
 
-    Raises rospy.ROSException or rospy.ServiceException if it does not come back.
+    survey: its number. Raises rospy.ROSException or rospy.ServiceException if the core does not
+    come back, RuntimeError if it refuses.
     """
     give_up_s = time.monotonic() + CORE_PATIENCE_S
     while True:
         try:
             rospy.wait_for_service(names.FINISH, timeout=CORE_PATIENCE_S)
-            rospy.ServiceProxy(names.FINISH, Trigger)()
-            return
+            answer = rospy.ServiceProxy(names.FINISH, Finish)(survey)
+            break
         except rospy.ServiceException:
             if time.monotonic() > give_up_s or rospy.is_shutdown():
                 raise
             time.sleep(RETRY_S)
+    if not answer.success:
+        raise RuntimeError(f"{names.FINISH} refused: {answer.message}")
 
 
 def fetch_survey() -> Survey:
