@@ -58,9 +58,14 @@ rbpf_core::Ping pingAt(double stamp_s, Eigen::Index beams) {
   return ping;
 }
 
+// Of a correction every motion of the last ten minutes is told, in which particles differ, and one
+// of so many before: as replays of the demo's survey have it.
+constexpr double kLast_s = 600.0;
+constexpr std::size_t kOneOf = 10;
+
 // As an SLAM run does: weights every 5 s, and every 30 s a resampling and a correction of the whole
 // past.
-void decide(int second, rbpf_core::ParticleFilter* filter) {
+void decide(int second, double pings_per_s, rbpf_core::ParticleFilter* filter) {
   const auto J = static_cast<Eigen::Index>(filter->params().particles);
   if (second % 5 == 0) filter->setLogWeights(Eigen::ArrayXd::Constant(J, -std::log(double(J))));
   if (second % 30 != 0) return;
@@ -68,11 +73,13 @@ void decide(int second, rbpf_core::ParticleFilter* filter) {
   for (std::uint32_t j = 0; j < ancestors.size(); ++j) ancestors[j] = j / 2 * 2;
   filter->resample(ancestors);
   rbpf_core::PastCorrection correction;
-  for (std::size_t i = 0; i < filter->snapshot().pings(); ++i) {
+  const std::size_t pings = filter->snapshot().pings();
+  const auto last = static_cast<std::size_t>(kLast_s * pings_per_s);
+  for (std::size_t i = 0; i < pings; i += i + last < pings ? kOneOf : 1) {
     const double x = 1e-3 * static_cast<double>(i);
-    correction.of_ping.push_back({0.1 * std::sin(x), 0.1 * std::cos(x), 1e-4 * std::sin(x)});
+    correction.of_pings.push_back({i, {0.1 * std::sin(x), 0.1 * std::cos(x), 1e-4 * std::sin(x)}});
   }
-  if (!correction.of_ping.empty()) correction.of_rest = correction.of_ping.back();
+  if (pings > 0) correction.of_rest = correction.of_pings.back().motion;
   filter->correctPast(correction);
 }
 
@@ -85,7 +92,7 @@ void sail(const Survey& survey, rbpf_core::ParticleFilter* filter) {
     for (; next_ping_s <= k / kOdometryHz; next_ping_s += 1.0 / survey.pings_per_s) {
       filter->addPing(pingAt(1000.0 + next_ping_s, survey.beams));
     }
-    if (k % 10 == 0) decide(k / 10, filter);
+    if (k % 10 == 0) decide(k / 10, survey.pings_per_s, filter);
   }
 }
 

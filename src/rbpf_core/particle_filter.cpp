@@ -352,7 +352,7 @@ void ParticleFilter::setKnownError(const KnownError& error) {
 // ---- corrections of the past ---------------------------------------------------------------
 
 void ParticleFilter::correctPast(const PastCorrection& correction) {
-  expectFinite(correction);
+  expectSound(correction);
   const std::lock_guard one_at_a_time(resampling_mutex_);
   if (correction.redraws != snapshot().redraws()) {
     throw std::invalid_argument(
@@ -377,12 +377,12 @@ void ParticleFilter::correctPast(const PastCorrection& correction) {
 
 std::vector<RigidMotion> ParticleFilter::motionsBySlot(const PastCorrection& correction,
                                                        std::size_t pings) const {
-  const std::vector<Pose2>& of_ping = correction.of_ping;
-  if (of_ping.size() > pings) {
-    throw std::invalid_argument("correction of " + std::to_string(of_ping.size()) +
-                                " pings, expected at most the " + std::to_string(pings) +
-                                " in the log");
+  const std::vector<PingMotion>& told = correction.of_pings;
+  if (!told.empty() && told.back().ping >= pings) {
+    throw std::invalid_argument("correction up to ping " + std::to_string(told.back().ping) +
+                                ", expected one of the " + std::to_string(pings) + " in the log");
   }
+  const std::vector<Pose2> of_ping = motionOfEach(told);
   // slots rise from ping to ping; those that no ping has may move as they like
   std::vector<RigidMotion> of_slot;
   for (std::size_t i = 0; i < of_ping.size(); ++i) {

@@ -18,10 +18,17 @@ struct MotionBias {
   double yaw_radps = 0.0;
 };
 
-// Rigid motions of the map frame, which take a pose h to C h, and what is known of the odometry.
+// A rigid motion of the map frame, which takes a pose h to C h, at one of the log's pings.
+struct PingMotion {
+  std::uint64_t ping = 0;
+  Pose2 motion;
+};
+
+// Motions of the past, and what is known of the odometry.
 struct PastCorrection {
-  // One for each of the log's pings 0 .. n-1, in every particle's history.
-  std::vector<Pose2> of_ping;
+  // Of the pings from 0 to the last of these, in every particle's history; in between they are
+  // interpolated by the pings' numbers, which rise.
+  std::vector<PingMotion> of_pings;
   // Of the pings after them, and of where the particles are now.
   Pose2 of_rest;
   // Taken off the odometry's increments from now on; replaces the bias before it.
@@ -32,8 +39,23 @@ struct PastCorrection {
   bool maps_follow = true;
 };
 
-// Throws std::invalid_argument that names what is not finite.
-void expectFinite(const PastCorrection& correction);
+// Throws std::invalid_argument that names what is not finite, or not in its order.
+void expectSound(const PastCorrection& correction);
+
+// One for each ping from 0 to the last one that is told.
+std::vector<Pose2> motionOfEach(const std::vector<PingMotion>& told);
+
+// By how much less or more a pose may be moved.
+struct MotionTolerance {
+  double position_m = 0.0;
+  double yaw_rad = 0.0;
+
+  bool holds(const Pose2& a, const Pose2& b) const;
+};
+
+// So few of the motions, [n], of poses, [n], that the others can be made of them.
+std::vector<PingMotion> thinned(const std::vector<Pose2>& motions, const std::vector<Pose2>& poses,
+                                const MotionTolerance& tolerance);
 
 inline Pose2 move(const Pose2& rigid, const Pose2& pose) { return compose(rigid, pose); }
 

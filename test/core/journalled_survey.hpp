@@ -181,8 +181,8 @@ class ChanceSurvey {
       filter->resample(ancestors);
     } else if (what < 0.75) {
       PastCorrection correction;
-      for (std::size_t i = 0; i + 2 < snapshot.pings(); ++i) {
-        correction.of_ping.push_back({uniform(-1, 1), uniform(-1, 1), uniform(-0.01, 0.01)});
+      for (std::size_t i = 0; i + 2 < snapshot.pings(); i += chance(0.5) ? 1 : 4) {
+        correction.of_pings.push_back({i, {uniform(-1, 1), uniform(-1, 1), uniform(-0.01, 0.01)}});
       }
       correction.of_rest = {0.3, -0.2, 0.001};
       correction.bias = {0.01, 0.0, 0.0001};

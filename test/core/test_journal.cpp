@@ -126,8 +126,8 @@ TEST_F(Journal, HasTheOrderInWhichThreadsHaveChangedTheFilter) {
         if (decided % 5 == 0) filter.resample({0, 1, 1, 3, 4, 5});
         if (decided % 7 != 0) continue;
         PastCorrection correction;
-        correction.of_ping.resize(filter.snapshot().pings(), {0.01, -0.02, 0.001});
         correction.of_rest = {0.01, -0.02, 0.001};
+        correction.of_pings = {{0, correction.of_rest}, {filter.snapshot().pings() - 1, {}}};
         filter.correctPast(correction);
       }
     });
@@ -193,8 +193,8 @@ TEST_F(Journal, IsNotResumedIfTheFileIsNone) {
             std::string::npos);
   write(path("later"), std::string("RBPFJRNL\x07\0\0\0 and so on", 22));
   const std::string problem = problemOf(path("later"), journalledParams());
-  EXPECT_NE(problem.find("format version 7, expected 1"), std::string::npos) << problem;
-  write(path("empty"), std::string("RBPFJRNL\x01\0\0\0", 12));
+  EXPECT_NE(problem.find("format version 7, expected 2"), std::string::npos) << problem;
+  write(path("empty"), std::string("RBPFJRNL\x02\0\0\0", 12));
   EXPECT_NE(problemOf(path("empty"), journalledParams()).find("no whole record"),
             std::string::npos);
 }

@@ -104,7 +104,8 @@ TEST(OneParticle, GoesThroughAllThatManyDo) {
     EXPECT_NEAR(filter.snapshot().logWeights()(0), 0.0, 1e-12);
     filter.resample({0});
     PastCorrection correction;
-    correction.of_ping.assign(filter.snapshot().pings(), {0.1, -0.1, 0.01});
+    correction.of_pings = {{0, {0.1, -0.1, 0.01}},
+                           {filter.snapshot().pings() - 1, {0.1, -0.1, 0.01}}};
     filter.correctPast(correction);
     Fix fix{58.0, {0.0, 0.0}, Eigen::Matrix2d::Identity()};
     const Pose2 at = filter.snapshot().estimate().mean;

@@ -32,10 +32,15 @@ TEST(ParticleFilterCorrections, MoveEveryPingAndTheParticlesNow) {
   filter.resample({2, 2, 0, 3});
   sail(filter, turning, 20, 40);
   const FilterSnapshot before = filter.snapshot();
+  // between some of them interpolated
+  const auto motionOf = [](std::size_t ping) {
+    const auto share = static_cast<double>(ping);
+    return Pose2{0.1 * share, -0.2 * share, 0.01 * share};
+  };
+  const std::size_t told = before.pings() - 5;
   PastCorrection correction;
-  for (std::size_t i = 0; i + 5 < before.pings(); ++i) {
-    const auto share = static_cast<double>(i);
-    correction.of_ping.push_back({0.1 * share, -0.2 * share, 0.01 * share});
+  for (const std::size_t i : {std::size_t{0}, std::size_t{1}, told / 2, told - 1}) {
+    correction.of_pings.push_back({i, motionOf(i)});
   }
   correction.of_rest = {7.0, -3.0, 0.5};
   filter.correctPast(correction);
@@ -43,8 +48,7 @@ TEST(ParticleFilterCorrections, MoveEveryPingAndTheParticlesNow) {
 
   ASSERT_EQ(after.pings(), before.pings());
   for (std::size_t i = 0; i < before.pings(); ++i) {
-    const Pose2& motion =
-        i < correction.of_ping.size() ? correction.of_ping[i] : correction.of_rest;
+    const Pose2 motion = i < told ? motionOf(i) : correction.of_rest;
     const SurveyPing was = before.survey(i, 1)[0];
     // the mean moves with the particles; yaws were kept as float32
     expectNear(after.survey(i, 1)[0].estimate, move(motion, was.estimate), 2e-6);
@@ -137,12 +141,15 @@ TEST(ParticleFilterCorrections, AreRefusedWithAReasonAndWithoutEffect) {
   sail(filter, turning, 0, 5);
   const std::size_t pings = filter.snapshot().pings();
   const std::vector<Pose2> particles = filter.snapshot().particles();
-  EXPECT_EQ(problemWithCorrection(filter, {std::vector<Pose2>(pings + 1), {}, {}}),
-            "correction of " + std::to_string(pings + 1) + " pings, expected at most the " +
+  EXPECT_EQ(problemWithCorrection(filter, {{{0, {}}, {pings, {}}}, {}, {}}),
+            "correction up to ping " + std::to_string(pings) + ", expected one of the " +
                 std::to_string(pings) + " in the log");
-  std::vector<Pose2> of_ping(pings);
-  of_ping[1].yaw_rad = kNaN;
-  EXPECT_NE(problemWithCorrection(filter, {of_ping, {1.0, 0.0, 0.0}, {}}).find("of ping 1 is (0"),
+  EXPECT_EQ(problemWithCorrection(filter, {{{1, {}}}, {}, {}}),
+            "correction of the past: a motion of ping 1, expected ping 0 first");
+  EXPECT_EQ(problemWithCorrection(filter, {{{0, {}}, {2, {}}, {2, {}}}, {}, {}}),
+            "correction of the past: a motion of ping 2, expected one after ping 2");
+  EXPECT_NE(problemWithCorrection(filter, {{{0, {}}, {1, {0.0, 0.0, kNaN}}}, {}, {}})
+                .find("of ping 1 is (0"),
             std::string::npos);
   EXPECT_NE(problemWithCorrection(filter, {{}, {kNaN, 0.0, 0.0}, {}}).find("of the rest"),
             std::string::npos);
@@ -204,7 +211,8 @@ TEST(ParticleFilterCorrections, AreWholeInEverySnapshot) {
   std::thread smoother([&] {
     for (; !stop; ++corrected) {
       const std::size_t pings = filter.snapshot().pings();
-      filter.correctPast({std::vector<Pose2>(pings, {kEast_m, 0.0, 0.0}), {kEast_m, 0.0, 0.0}, {}});
+      const Pose2 east{kEast_m, 0.0, 0.0};
+      filter.correctPast({{{0, east}, {pings - 1, east}}, east, {}});
       filter.resample({1, 0, 2, 2});
     }
   });

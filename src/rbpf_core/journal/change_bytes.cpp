@@ -163,7 +163,11 @@ void archivePoses(Archive& archive, Poses& poses) {
 
 template <typename Archive, typename T>
 void archiveCorrection(Archive& archive, T& change) {
-  archivePoses(archive, change.of_ping);
+  archive.size(change.of_pings);
+  for (auto& [ping, motion] : change.of_pings) {
+    archive.number(ping);
+    archivePose(archive, motion);
+  }
   archivePose(archive, change.of_rest);
   archive.number(change.bias.surge_mps);
   archive.number(change.bias.sway_mps);

@@ -15,11 +15,11 @@
 namespace rbpf_core::journal_format {
 
 constexpr std::array<char, 8> kMagic = {'R', 'B', 'P', 'F', 'J', 'R', 'N', 'L'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::size_t kFileHeadBytes = kMagic.size() + sizeof(kVersion);
 constexpr std::size_t kRecordHeadBytes = 5;
 constexpr std::size_t kChecksumBytes = 4;
-// A correction of 40 million pings; more is damage.
+// A ping of 80 million beams; more is damage.
 constexpr std::uint32_t kMostBytes = 1'000'000'000;
 
 std::vector<std::uint8_t> fileHead();

@@ -38,6 +38,10 @@ double processorSeconds() {
 // So much later than a fix there will be no ping of its time, s.
 constexpr double kLatePing_s = 10.0;
 
+// Of corrections but the last one: the smoother knows the past no better than to centimetres, and a
+// journal is to have room for a correction of it twice a minute.
+constexpr MotionTolerance kTolerance{0.01, 3e-4};
+
 }  // namespace
 
 PastSmoothing::PastSmoothing(const ParticleFilter& filter, const PastSmoothingParams& params)
@@ -142,17 +146,19 @@ std::optional<PastCorrection> PastSmoothing::correction(const FilterSnapshot& sn
   if (!smoother_->knowsMore()) return std::nullopt;
   const Eigen::ArrayXd weights = snapshot.logWeights().exp();
   const std::vector<Pose2> smoothed = smoother_->posesOfPings();
-  PastCorrection correction;
+  const MotionTolerance tolerance = is_over ? MotionTolerance{} : kTolerance;
+  std::vector<Pose2> means;
+  std::vector<Pose2> motions;
   double change2 = 0.0;
   for (std::size_t i = 0; i < stands_for_.size(); ++i) {
+    const Pose2& from = means.emplace_back(snapshot.pastAt(i, weights).mean);
     const bool stands_for_itself = i == 0 || stands_for_[i] != stands_for_[i - 1];
     if (!stands_for_itself) {
-      correction.of_ping.push_back(correction.of_ping.back());
+      motions.push_back(motions.back());
       continue;
     }
-    const Pose2 from = snapshot.pastAt(i, weights).mean;
     const Pose2& to = smoothed[stands_for_[i]];
-    correction.of_ping.push_back(compose(to, inverse(from)));
+    motions.push_back(tolerance.holds(from, to) ? Pose2{} : compose(to, inverse(from)));
     const double dx = to.x_m - from.x_m;
     const double dy = to.y_m - from.y_m;
     change2 = std::max(change2, dx * dx + dy * dy);
@@ -165,12 +171,14 @@ std::optional<PastCorrection> PastSmoothing::correction(const FilterSnapshot& sn
   if (change_m < params_.min_change_m && not_followed_m_ == 0.0) return std::nullopt;
   result->largest_change_m = change_m;
   not_followed_m_ += change_m;
+  PastCorrection correction;
+  correction.of_pings = thinned(motions, means, tolerance);
   correction.maps_follow = is_over || not_followed_m_ > params_.map_tolerance_m;
   if (correction.maps_follow) not_followed_m_ = 0.0;
   // After the last ping the particles may have been put where an operator says that they are.
   const double last_ping_s = snapshot.record(stands_for_.size() - 1).stamp_s;
   const bool is_redrawn_since = snapshot.redrawnStamp() && *snapshot.redrawnStamp() >= last_ping_s;
-  if (!is_redrawn_since) correction.of_rest = correction.of_ping.back();
+  if (!is_redrawn_since) correction.of_rest = motions.back();
   correction.redraws = snapshot.redraws();
   correction.bias = smoother_->graph().bias();
   return correction;
