@@ -8,6 +8,8 @@ import re
 import resource
 import shlex
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -17,6 +19,7 @@ import xmlrpc.client
 from pathlib import Path
 
 import numpy as np
+import psutil
 import rosbag
 import rosgraph
 import rospkg
@@ -416,6 +419,69 @@ class Surveys(unittest.TestCase):
         well = self.diagnosed("maps", lambda d: d.level == DiagnosticStatus.OK, log)
         self.assertIn("of 5 maps are ready", well.message)
         return after
+
+    def test_a_survey_ends_saved_if_its_launch_s_own_master_dies(self):
+        self.check_end_without_master(brings_master=True, why="master was killed by SIGKILL")
+
+    def test_a_survey_ends_saved_if_another_s_master_dies(self):
+        self.check_end_without_master(brings_master=False, why="No report: the master .* has died")
+
+    def check_end_without_master(self, brings_master, why):
+        """On a master of its own, which is killed amid the survey."""
+        with socket.socket() as free:
+            free.bind(("localhost", 0))
+            port = str(free.getsockname()[1])
+        environment = {**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}
+        play = "rosbag play -q -r 8 --queue 10000 --wait-for-subscribers --topics".split()
+        play += ["/odom", "/mbes/pings", "/tf", "/tf_static", "--bags", self.bag]
+        with contextlib.ExitStack() as started, tempfile.NamedTemporaryFile(suffix=".log") as log:
+
+            def start(command, **pipes):
+                process = subprocess.Popen(command, env=environment, **pipes)
+                started.callback(process.wait)
+                started.callback(process.terminate)
+                return psutil.Process(process.pid), process
+
+            if not brings_master:
+                master, _ = start(["rosmaster", "--core", "-p", port])
+            command = [*RUN_LAUNCH, "slam.launch", *self.common_args()]
+            launched, running = start(command, stdout=log, stderr=subprocess.STDOUT)
+            self.await_start(environment["ROS_MASTER_URI"], log)
+            start(play)
+            self.await_journal(200_000, log)
+            processes = launched.children(recursive=True)
+            if brings_master:
+                [master] = [p for p in processes if any("rosmaster" in a for a in p.cmdline()[:2])]
+            master.kill()
+            self.assertEqual(running.wait(60), 1, Path(log.name).read_text())
+            self.assertRegex(Path(log.name).read_text(), why)
+            self.assertEqual([p for p in processes if p.is_running()], [])
+        recover = ["rosrun", "rbpf_svgp_slam", "recover_run.py", self.out]
+        recovered = subprocess.run(recover, capture_output=True, text=True)
+        self.assertEqual(recovered.returncode, 0, recovered.stdout + recovered.stderr)
+        report = json.loads((self.out / "report.json").read_text())
+        self.assertGreater(report["pings"], 20)
+
+    def await_start(self, master_uri, log):
+        def has_started():
+            try:
+                *_, services = rosgraph.Master("/test_surveys", master_uri).getSystemState()
+            except OSError:
+                return False
+            names = {name for name, _ in services}
+            return names >= {"/survey_recorder/save", "/svgp_node_1/predict"}
+
+        self.await_that(has_started, log)
+
+    def await_journal(self, size, log):
+        journal = self.out / "survey.journal"
+        self.await_that(lambda: journal.is_file() and journal.stat().st_size > size, log)
+
+    def await_that(self, holds, log):
+        deadline_s = time.monotonic() + 60
+        while not holds():
+            self.assertLess(time.monotonic(), deadline_s, Path(log.name).read_text())
+            time.sleep(0.1)
 
     def diagnosed(self, name, is_wanted, log=None):
         """The first of these diagnostics of the core that is wanted."""

@@ -26,6 +26,7 @@ from rbpf_svgp_slam.protocol import names
 from rbpf_svgp_slam.recorder.assembly import assemble_run
 from rbpf_svgp_slam.recorder.ending import end_launch, way_out
 from rbpf_svgp_slam.recorder.ground_truth import POSE_OF, GroundTruth
+from rbpf_svgp_slam.recorder.lost_master import lost_master
 from rbpf_svgp_slam.recorder.recording import Recording
 from rbpf_svgp_slam.recorder.refusals import nothing_taken_in
 from rbpf_svgp_slam.recorder.replay import OfflineReplay, PlayedBag, ProgressLine
@@ -39,6 +40,7 @@ from rbpf_svgp_slam.run.run_files import save_run
 NAME = "survey_recorder"
 POLL_S = 0.1
 PATH_PERIOD_S = 1.0
+MASTER_PERIOD_S = 1.0
 PATH_POSES = 4000
 # With nodes that publish a status twice a second, or the core, on top of its own period.
 STATUS_PATIENCE_S = 10.0
@@ -89,6 +91,7 @@ class Recorder:
         self._map_frame = parameters.frames.map
         self._path = rospy.Publisher(names.TRUTH_PATH, PathMessage, queue_size=1, latch=True)
         self._next_path_s = 0.0
+        self._next_look_s = 0.0
         self._seabed = SeabedPublisher(self._map_frame)
         self._saving = False
         self._subscribers = [
@@ -106,10 +109,23 @@ class Recorder:
         try:
             self._record()
         except FAILURES as error:
-            rospy.logfatal("No report: %s", error)
-            self.farewell = f"No report: {error}{self._way_out()}"
+            # whatever fails without a master fails for want of it
+            why = self._lost_master() or error
+            rospy.logfatal("No report: %s", why)
+            self.farewell = f"No report: {why}{self._way_out()}"
             return 1
         return 0
+
+    def _lost_master(self) -> str:
+        # once rospy shuts down it signs off itself
+        return "" if rospy.is_shutdown() else lost_master(rospy.get_name())
+
+    def _expect_master(self) -> None:
+        if time.monotonic() < self._next_look_s:
+            return
+        self._next_look_s = time.monotonic() + MASTER_PERIOD_S
+        if why := self._lost_master():
+            raise RuntimeError(why)
 
     def _way_out(self) -> str:
         recording = self._recording
@@ -164,6 +180,7 @@ class Recorder:
         progress = ProgressLine()
         while not rospy.is_shutdown() and not self._saving:
             time.sleep(POLL_S)  # wall time: the bag's clock stands still once it is over
+            self._expect_master()
             self._publish_path()
             if not self._recording.statuses:
                 continue
