@@ -33,6 +33,7 @@ from std_srvs.srv import Trigger
 from rbpf_svgp_slam import _journal
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.run.tracks import read_tum
+from rbpf_svgp_slam.srv import GetMinibatches, GetMinibatchesRequest
 
 PACKAGE = Path(rospkg.RosPack().get_path("rbpf_svgp_slam"))
 sys.path.insert(0, str(PACKAGE / "test" / "python"))
@@ -70,6 +71,15 @@ SMALL = {
 RUN_LAUNCH = ["rosrun", "rbpf_svgp_slam", "run_launch.py"]
 #: Bytes, of which a survey's pings take five times as many.
 JOURNAL_FITS = 100_000
+#: Of data; a core of such a survey has less than half of that.
+MEMORY_LIMIT_MB = 1000
+
+
+class AnnouncesGigabytes(GetMinibatchesRequest):
+    """Of some particles, whose array has 2 GB by what its length says."""
+
+    def serialize(self, buff):
+        buff.write(struct.pack("<2I", 2**29, 0))
 
 
 def launch(file, *args, timeout_s=120):
@@ -363,8 +373,14 @@ class Surveys(unittest.TestCase):
 
     def test_a_survey_survives_its_core_and_then_its_launch(self):
         args = ["replay.launch", f"bag:={self.bag}", *self.common_args(), "rate:=4"]
-        with running_launch(*args) as (replay, log):
+        with running_launch(*args, f"memory_limit_mb:={MEMORY_LIMIT_MB}") as (replay, log):
             status = self.status_with(lambda s: s.prompts > 0 and s.pings > 100, log)
+            with self.assertRaises(rospy.ServiceException):
+                rospy.ServiceProxy("/rbpf_core/get_minibatches", GetMinibatches)(
+                    AnnouncesGigabytes()
+                )
+            status = self.status_with(lambda s: s.pings > status.pings, log)
+            self.assertLess(status.peak_rss_mb, MEMORY_LIMIT_MB)
             os.kill(pid_of("/rbpf_core"), signal.SIGKILL)
             before, status = status, self.status_with(lambda s: s.pings > status.pings + 30, log)
             status = self.stop_a_map_node(status, log)
@@ -403,22 +419,6 @@ class Surveys(unittest.TestCase):
         )
         self.assertIn("survey.journal is there already", again.stdout + again.stderr)
         self.assertEqual(again.returncode, 1)
-
-    def stop_a_map_node(self, before, log):
-        """It hangs: /diagnostics says so, by its name, and pings go on. Returns a later status."""
-        pid = pid_of("/svgp_node_1")
-        os.kill(pid, signal.SIGSTOP)
-        try:
-            silent = self.diagnosed("maps", lambda d: d.level == DiagnosticStatus.ERROR, log)
-            self.assertIn("svgp_node_1 not heard of for", silent.message)
-            well = self.diagnosed("input", lambda d: d.level == DiagnosticStatus.OK, log)
-            self.assertEqual(well.message, "odometry: coming in; pings: coming in")
-            after = self.status_with(lambda s: s.pings > before.pings, log)
-        finally:
-            os.kill(pid, signal.SIGCONT)
-        well = self.diagnosed("maps", lambda d: d.level == DiagnosticStatus.OK, log)
-        self.assertIn("of 5 maps are ready", well.message)
-        return after
 
     def test_a_survey_ends_saved_if_its_launch_s_own_master_dies(self):
         self.check_end_without_master(brings_master=True, why="master was killed by SIGKILL")
@@ -482,6 +482,22 @@ class Surveys(unittest.TestCase):
         while not holds():
             self.assertLess(time.monotonic(), deadline_s, Path(log.name).read_text())
             time.sleep(0.1)
+
+    def stop_a_map_node(self, before, log):
+        """It hangs: /diagnostics says so, by its name, and pings go on. Returns a later status."""
+        pid = pid_of("/svgp_node_1")
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            silent = self.diagnosed("maps", lambda d: d.level == DiagnosticStatus.ERROR, log)
+            self.assertIn("svgp_node_1 not heard of for", silent.message)
+            well = self.diagnosed("input", lambda d: d.level == DiagnosticStatus.OK, log)
+            self.assertEqual(well.message, "odometry: coming in; pings: coming in")
+            after = self.status_with(lambda s: s.pings > before.pings, log)
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        well = self.diagnosed("maps", lambda d: d.level == DiagnosticStatus.OK, log)
+        self.assertIn("of 5 maps are ready", well.message)
+        return after
 
     def diagnosed(self, name, is_wanted, log=None):
         """The first of these diagnostics of the core that is wanted."""
