@@ -47,6 +47,7 @@ class SlamNode {
   MapNodes& maps() { return maps_; }
   const rbpf_core::LoopClosing& loopClosing() const { return loop_closing_; }
   const rbpf_core::ParticleFilter& filter() const { return filter_; }
+  rbpf_svgp_slam::FilterStatus status() const;
 
  private:
   void keepJournal(const JournalParameters& params);
@@ -56,7 +57,6 @@ class SlamNode {
   Answer promptNow();
   Answer pauseMapping(bool pause);
   void publishOverview();
-  rbpf_svgp_slam::FilterStatus status() const;
   void tellInput(const rbpf_core::FilterSnapshot& filter,
                  rbpf_svgp_slam::FilterStatus* status) const;
   void tellLoopClosing(rbpf_svgp_slam::FilterStatus* status) const;

@@ -30,12 +30,14 @@ OfflineReplay::OfflineReplay(ros::NodeHandle private_node, const Parameters& par
     : params_(params),
       slam_(*slam),
       door_(slam),
+      record_(1.0 / params.publish_rate_hz),
       turns_(params.nodes, [] { return ros::isShuttingDown(); }),
       server_(private_node.advertiseService("take_turn", &OfflineReplay::take, this)) {}
 
 double OfflineReplay::run(const OfflineParameters& offline) {
   rosbag::Bag bag;
   const OfflineTopics topics = openBag(offline.bag, offline.topics, &bag);
+  if (offline.is_recorded) record_.awaitRecorder();
   if (mapping()) awaitNodes(0.0);
   progress_.start();
   const StampOrder order = inStampOrder(bag, topics, params_.gate.clock);
@@ -55,6 +57,7 @@ double OfflineReplay::run(const OfflineParameters& offline) {
           std::max(survey_s, surveyTime(message.stamp.toSec() - order.begin_s, order.begin_s));
     }
     trainUpTo(survey_s);
+    record_.advance(survey_s, [this] { return now(); });
     slam_.closeLoops();
     progress_.update(survey_s, [this] { return counts(); });
   }
@@ -63,6 +66,7 @@ double OfflineReplay::run(const OfflineParameters& offline) {
   const double wall_s = progress_.end(counts() + ", " + std::to_string(order.refused.total()) +
                                       " messages unreadable");
   trainFinally(survey_s);
+  record_.add([this] { return now(); });
   return wall_s;
 }
 
@@ -144,6 +148,13 @@ std::string OfflineReplay::counts() const {
   return std::to_string(filter.pings()) + " pings, " + std::to_string(filter.beams()) + " beams, " +
          std::to_string(loop_closing.statistics().prompts) + " loop-closure prompts, " +
          std::to_string(loop_closing.epoch()) + " resamplings";
+}
+
+rbpf_svgp_slam::RecordSurvey::Request OfflineReplay::now() const {
+  rbpf_svgp_slam::RecordSurvey::Request survey;
+  survey.status = slam_.status();
+  survey.maps = turns_.states();
+  return survey;
 }
 
 bool OfflineReplay::take(rbpf_svgp_slam::TakeTurn::Request& request,

@@ -10,6 +10,7 @@
 #include "rbpf_node/door.hpp"
 #include "rbpf_node/progress_line.hpp"
 #include "rbpf_node/stamp_order.hpp"
+#include "rbpf_node/survey_record.hpp"
 #include "rbpf_node/turns.hpp"
 #include "rbpf_svgp_slam/TakeTurn.h"
 
@@ -29,7 +30,9 @@ class OfflineReplay {
   // Hands the bag's messages, in the order of their stamps, to the node's handlers. In between it
   // grants the map nodes their turns, offline/steps_per_second optimizer steps for every second of
   // survey since there were beams to train on (0: it waits for no node), and prompts when that is
-  // due. At the end it grants the steps of output/final_training_s more. Prints progress. Returns
+  // due; a recorder that takes part is told how the survey stands, output/publish_rate_hz times a
+  // second of survey. At the end it grants the steps of output/final_training_s more. Prints
+  // progress. Returns
   // the wall time, s, that the survey took, final training not included. Throws
   // std::runtime_error if the bag cannot be read or lacks a topic, and when interrupted.
   double run(const OfflineParameters& offline);
@@ -42,6 +45,7 @@ class OfflineReplay {
   void trainUpTo(double survey_s);
   void awaitNodes(double survey_s);
   std::string counts() const;
+  rbpf_svgp_slam::RecordSurvey::Request now() const;
   bool take(rbpf_svgp_slam::TakeTurn::Request& request,
             rbpf_svgp_slam::TakeTurn::Response& response);
 
@@ -53,6 +57,7 @@ class OfflineReplay {
   double first_beams_s_ = 0.0;
   // granted
   std::uint64_t rounds_ = 0;
+  SurveyRecord record_;
   Turns turns_;
   ros::ServiceServer server_;
 };

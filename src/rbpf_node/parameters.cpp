@@ -246,7 +246,8 @@ OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree) {
                           "wait for the replay");
   }
   return {reader.text("~bag"),
-          {reader.text("~odom_topic"), reader.text("~ping_topic"), reader.text("~fix_topic")}};
+          {reader.text("~odom_topic"), reader.text("~ping_topic"), reader.text("~fix_topic")},
+          reader.boolean("~recorded")};
 }
 
 namespace {
@@ -272,6 +273,7 @@ OfflineParameters loadOfflineParameters(const ros::NodeHandle& private_node) {
   tree["~odom_topic"] = std::string("/odom");
   tree["~ping_topic"] = std::string("/mbes/pings");
   tree["~fix_topic"] = std::string("/fixes");
+  tree["~recorded"] = false;
   tree["~take_turns"] = false;
   for (auto& [name, value] : tree) private_node.getParam(name.substr(1), value);
   OfflineParameters offline = validOfflineParameters(tree);

@@ -52,6 +52,8 @@ struct OfflineTopics {
 struct OfflineParameters {
   std::string bag;
   OfflineTopics topics;
+  // A recorder takes part, and is waited for.
+  bool is_recorded = false;
 };
 
 // Checks a tree of parameters. Throws std::invalid_argument that names the parameter, its value and
@@ -61,7 +63,7 @@ Parameters validParameters(const XmlRpc::XmlRpcValue& tree);
 OfflineParameters validOfflineParameters(const XmlRpc::XmlRpcValue& tree);
 
 // Read the tree from the parameter server, and check it: the namespace `rbpf_svgp_slam` of the
-// node's own namespace; ~bag, ~odom_topic, ~ping_topic, ~fix_topic and ~take_turns.
+// node's own namespace; ~bag, ~odom_topic, ~ping_topic, ~fix_topic, ~recorded and ~take_turns.
 Parameters loadParameters(const ros::NodeHandle& node);
 // The tree as the parameter server writes it, XML-RPC, for who reads it later.
 std::string parametersAsXml(const ros::NodeHandle& node);

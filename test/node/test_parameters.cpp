@@ -319,6 +319,7 @@ XmlRpcValue offlineTree() {
   tree["~odom_topic"] = std::string("/odom");
   tree["~ping_topic"] = std::string("/mbes/pings");
   tree["~fix_topic"] = std::string("/fixes");
+  tree["~recorded"] = true;
   tree["~take_turns"] = true;
   return tree;
 }
@@ -329,6 +330,7 @@ TEST(ValidOfflineParameters, AreTheBagAndItsTopics) {
   EXPECT_EQ(params.topics.odometry, "/odom");
   EXPECT_EQ(params.topics.pings, "/mbes/pings");
   EXPECT_EQ(params.topics.fixes, "/fixes");
+  EXPECT_TRUE(params.is_recorded);
 }
 
 TEST(ValidOfflineParameters, WantTurnsToBeTaken) {

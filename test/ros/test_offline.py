@@ -12,6 +12,7 @@ import time
 import unittest
 from pathlib import Path
 
+import numpy as np
 import rosbag
 import rosgraph
 import rospy
@@ -28,6 +29,7 @@ PATIENCE_S = 120.0  # with a replay of seconds; reached only by a bug
 RECEIVED_LATE_S = 5.0  # at most, in the bag whose messages were received in another order
 # Of the run folder, that must be the same to the byte.
 FILES = ("trajectory.tum", "online.tum", "map.npz", "export/seabed.xyz", "export/trajectory.sbet")
+FILES += ("survey.npz", "history.npz", "time_lapse.npz")
 # J is not divisible by B. Tiny maps; nearly every prompt resamples.
 SMALL = {
     "particles": 5,
@@ -38,7 +40,7 @@ SMALL = {
     "lc": {"rate_hz": 0.5, "min_overlap": 0.1, "mapped_variance": 0.5, "veto_sigma": 20.0},
     "resampling": {"threshold": 1.0},
     "offline": {"steps_per_second": 20.0},
-    "output": {"final_training_s": 2.0},
+    "output": {"final_training_s": 2.0, "time_lapse_period_s": 10.0},
 }
 SVGP = {
     "inducing_points": 36,
@@ -127,7 +129,20 @@ class OfflineTest(unittest.TestCase):
         totals = re.search(r"s of survey in ([\d.]+) s, [\d.]+ x real time", log.read_text())
         self.assertAlmostEqual(report["wall_s"], float(totals.group(1)), delta=0.01)  # as printed
         self.assertGreater(min(map(len, maps.values())), 1000)
+        self.check_record(out, report)
         return [(out / file).read_bytes() for file in FILES] + [maps]
+
+    def check_record(self, out, report):
+        """What is followed over the survey is of its own time, to the end."""
+        with np.load(out / "history.npz") as history, np.load(out / "time_lapse.npz") as lapse:
+            steps_s = np.diff(history["t_s"])
+            # a row a second; the last one is of the end
+            self.assertGreaterEqual(len(steps_s), 0.9 * report["duration_s"])
+            self.assertTrue(np.all((steps_s[:-1] > 0.9) & (steps_s[:-1] < 1.2)), steps_s)
+            for series in ("iterations_total", "resamplings", "loop_closure_prompts"):
+                self.assertEqual(history[series][-1], report[series], series)
+            self.assertGreater(len(lapse["t_s"]), report["duration_s"] / 20.0)
+            self.assertGreater(np.isfinite(lapse["mean"][-1]).mean(), 0.2)
 
     def maps_at_the_end(self, running, nodes):
         deadline_s = time.monotonic() + PATIENCE_S

@@ -36,6 +36,7 @@ from rbpf_svgp_slam.recorder.so_far import SoFar
 from rbpf_svgp_slam.recorder.survey_client import finish_survey
 from rbpf_svgp_slam.recorder.time_lapse import TimeLapseRecorder
 from rbpf_svgp_slam.run.run_files import save_run
+from rbpf_svgp_slam.srv import RecordSurvey, RecordSurveyRequest, RecordSurveyResponse
 
 NAME = "survey_recorder"
 POLL_S = 0.1
@@ -100,6 +101,8 @@ class Recorder:
         ] + [rospy.Subscriber(names.map_status(k), MapStatus, self._on_map_status) for k in nodes]
         self._save = rospy.Service("~save", Trigger, self._on_save)
         self._so_far = SoFar(lambda: self._recording, private.bag)
+        if private.offline:
+            self._record_service = rospy.Service("~record", RecordSurvey, self._on_record)
 
     def run(self) -> int:
         """Follow the survey to its end and write the run folder; returns the exit status.
@@ -185,7 +188,8 @@ class Recorder:
             if not self._recording.statuses:
                 continue
             status = self._recording.statuses[-1]
-            self._recording.time_lapse.advance(status)
+            if not self._private.offline:
+                self._recording.time_lapse.advance(status)
             if source is None:
                 continue
             if isinstance(source, PlayedBag):
@@ -250,14 +254,24 @@ class Recorder:
         if status.odometry_messages and self._recording.started_s is None:
             self._recording.started_s = time.monotonic()
         self._recording.statuses.append(status)
-        self._recording.history.on_status(status)
+        if not self._private.offline:
+            self._recording.history.on_status(status)
         self._heard[names.CORE] += 1
 
     def _on_map_status(self, status: MapStatus) -> None:
         self._heard[names.map_node(status.node)] += 1
         if self._is_recorded(status.survey):
             self._recording.map_lives[status.node, status.restarts] = status
+            if not self._private.offline:
+                self._recording.history.on_map_status(status)
+
+    def _on_record(self, survey: RecordSurveyRequest) -> RecordSurveyResponse:
+        """Of an offline replay, which waits, and so do its map nodes."""
+        for status in survey.maps:
             self._recording.history.on_map_status(status)
+        self._recording.history.on_status(survey.status)
+        self._recording.time_lapse.advance(survey.status)
+        return RecordSurveyResponse()
 
     def _is_recorded(self, survey: int) -> bool:
         """Whether it is the survey that is being recorded; any is, before the first status."""
