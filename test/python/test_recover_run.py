@@ -8,6 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
+from rbpf_svgp_slam import _journal
 from rbpf_svgp_slam.evaluation.recover_run import main
 from rbpf_svgp_slam.parameters.known import default_parameters
 from rbpf_svgp_slam.run.run_files import load_run
@@ -105,6 +106,14 @@ def test_a_run_folder_is_made_of_the_journal_alone(tmp_path, capsys):
     assert report["health"] == {"core_resumed": 0, "journal": "whole"}
     assert (tmp_path / "report.html").is_file()
     assert f"{PINGS} pings from {2 + 2 * PINGS} records" in capsys.readouterr().out
+
+
+def test_the_journal_tells_the_particles_and_their_weights(tmp_path):
+    write_journal(tmp_path)
+    survey = _journal.read(str(tmp_path / "survey.journal"))
+    np.testing.assert_allclose(survey["particles"][:, 0], survey["online"][-1, 0], atol=1e-6)
+    assert survey["particles"].shape == (3, 3)
+    np.testing.assert_allclose(survey["log_weights"], np.log(np.full(3, 1.0 / 3.0)))
 
 
 def test_ground_truth_in_the_folder_scores_it_and_it_may_be_made_again(tmp_path, capsys):

@@ -32,7 +32,7 @@ from std_srvs.srv import Trigger
 
 from rbpf_svgp_slam import _journal
 from rbpf_svgp_slam.msg import FilterStatus
-from rbpf_svgp_slam.run.tracks import read_tum
+from rbpf_svgp_slam.run.tracks import read_tum, write_tum
 from rbpf_svgp_slam.srv import GetMinibatches, GetMinibatchesRequest
 
 PACKAGE = Path(rospkg.RosPack().get_path("rbpf_svgp_slam"))
@@ -200,6 +200,18 @@ class Surveys(unittest.TestCase):
         self.assertGreater(report["resampling_s_median"], 0.0)
         self.assertRegex(output, r"replay .* %, ETA \d\d:\d\d")
         self.assertIn("RBPF error: online ATE", output)
+        self.check_journal_gives_the_run()
+
+    def check_journal_gives_the_run(self):
+        """The filter, run once more, is the one that was live: to the last digit that is written."""
+        survey = _journal.read(str(self.out / "survey.journal"))
+        with np.load(self.out / "survey.npz") as written:
+            for name in "stamp_s held_out beams_per_ping levelled online_covariance".split():
+                np.testing.assert_array_equal(survey[name], written[name], name)
+        again = self.out / "again.tum"
+        for file, name in (("trajectory", "estimate"), ("online", "online")):
+            write_tum(again, survey["stamp_s"], survey[name])
+            self.assertEqual(again.read_bytes(), (self.out / f"{file}.tum").read_bytes(), file)
 
     def test_offline_loses_nothing(self):
         status, output = launch("offline.launch", f"bag:={self.bag}", *self.common_args())

@@ -63,6 +63,16 @@ void addPings(const FilterSnapshot& filter, py::dict* survey) {
   (*survey)["levelled"] = levelled;
 }
 
+void addParticles(const FilterSnapshot& filter, py::dict* survey) {
+  const std::vector<Pose2> poses = filter.particles();
+  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> rows(poses.size(), 3);
+  for (std::size_t j = 0; j < poses.size(); ++j) {
+    rows.row(static_cast<Eigen::Index>(j)) << poses[j].x_m, poses[j].y_m, poses[j].yaw_rad;
+  }
+  (*survey)["particles"] = rows;
+  (*survey)["log_weights"] = Eigen::VectorXd(filter.logWeights());
+}
+
 // Columns as the fields of Fix.msg.
 void addFixes(const FilterSnapshot& filter, py::dict* survey) {
   const double unknown = std::numeric_limits<double>::quiet_NaN();
@@ -97,6 +107,7 @@ py::dict read(const std::string& path) {
   const FilterSnapshot snapshot = filter.snapshot();
   py::dict survey;
   addPings(snapshot, &survey);
+  addParticles(snapshot, &survey);
   survey["settings"] = resumed.settings.text;
   survey["resamplings"] = resumed.epoch;
   survey["prompts"] = resumed.loop_closing.prompts;
@@ -117,8 +128,8 @@ PYBIND11_MODULE(_journal, m) {
         "The survey of a journal, P pings with N beams: stamp_s [P], estimate, online and "
         "dead_reckoning [P, 6] x y z roll pitch yaw, estimate_covariance and online_covariance "
         "[P, 6] xx, xy, x yaw, yy, y yaw, yaw yaw, held_out and beams_per_ping [P], levelled "
-        "[N, 3]; m, rad, frame map. fixes: columns as the fields of Fix.msg. settings: the "
-        "program's parameters as XML-RPC. "
+        "[N, 3]; particles [J, 3] x y yaw, and their log_weights [J]; m, rad, frame map. fixes: "
+        "columns as the fields of Fix.msg. settings: the program's parameters as XML-RPC. "
         "programs: that have written it, one after the other. lost_bytes: of "
         "a damaged tail, why_lost says why. Raises RuntimeError that names what is wrong.");
 }
