@@ -184,8 +184,8 @@ class Faults:
 
     def _ask(self, _: str) -> None:
         """Absurd requests."""
-        services = {f"{names.CORE}/get_beams": srv.GetBeams, names.GET_PINGS: srv.GetPings}
-        services[names.GET_MINIBATCHES] = srv.GetMinibatches
+        services = {names.GET_BEAMS: srv.GetBeams, names.GET_MINIBATCHES: srv.GetMinibatches}
+        services[names.GET_PINGS] = srv.GetPings
         for name in map_nodes():
             services[f"{name}/predict"] = srv.PredictBeams
             services[f"{name}/get_maps"] = srv.GetMaps
