@@ -11,10 +11,11 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from bench.figures import save
 from bench.paths import ROOT
 from bench.peers.peer_runs import PEERS
-from bench.study import tables
-from bench.study.cases import ONE_AT_A_TIME, Case, cases
+from bench.study import figures, tables
+from bench.study.cases import Case, cases
 from bench.study.contestants import CONTESTANTS, overlay
 from bench.study.replays import make_survey, replay, run_peer
 from rbpf_svgp_slam import cpu
@@ -24,8 +25,9 @@ FIRST_SEED = 201
 
 _DESCRIPTION = """Run contestants on simulated surveys by offline replay, so that the results do not
 depend on the machine's speed, and print what they reach beside dead reckoning and the ideal
-smoother and filter. DIR gets a line for each run in rows.jsonl, the tables in study.md, and the
-runs' reports and tracks. What rows.jsonl has is not run again: an interrupted study goes on."""
+smoother and filter. DIR gets a line for each run in rows.jsonl, the tables in study.md, a figure
+for each case, one of the first contestant in all cases, and the runs' reports and tracks. What
+rows.jsonl has is not run again: an interrupted study goes on."""
 
 
 def main() -> int:
@@ -33,7 +35,7 @@ def main() -> int:
     arguments = _parse()
     cpu.prepare(threads=1)
     try:
-        chosen = cases(arguments.cases) if arguments.cases else ONE_AT_A_TIME
+        chosen = cases(arguments.cases)
         for name in arguments.contestants:
             if name not in PEERS:
                 overlay(name)
@@ -51,6 +53,10 @@ def main() -> int:
     rows = study.rows(surveys)
     text = f"{tables.medians(rows)}\n\n{tables.every(rows)}\n"
     (out / "study.md").write_text(text, encoding="utf-8")
+    for case in dict.fromkeys(row["case"] for row in rows):
+        figure = figures.of_case(case, [row for row in rows if row["case"] == case])
+        save(figure, out / f"{case}.png")
+    save(figures.overview(rows, arguments.contestants[0]), out / "overview.png")
     print(tables.medians(rows))
     return 0
 
@@ -108,8 +114,11 @@ def _parse() -> argparse.Namespace:
     add(
         "--cases",
         nargs="+",
+        default=["single"],
         metavar="CASE",
-        help="names such as base, rippled, cheap+outliers5; all",
+        help="names such as base, rippled, outliers5+cheap; single: the base and what differs from it "
+        "in one thing; all: everything with everything; pairs: a ninth of these, in which any two "
+        "levels meet",
     )
     add(
         "--contestants",

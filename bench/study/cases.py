@@ -128,17 +128,29 @@ ALL = [Case(*levels) for levels in itertools.product(*_FACTORS)]
 _BY_NAME = {case.name: case for case in ALL}
 #: The base, and whatever differs from it in one thing.
 ONE_AT_A_TIME = [case for case in ALL if case.name.count("+") == 0]
+#: Of ALL a ninth, in which any two levels of different factors meet at least once.
+PAIRS = [
+    Case(
+        seabed,
+        list(OUTLIERS)[(s + k) % 3],
+        list(DEAD_RECKONING)[(s + s // 3 + 2 * k) % 3],
+        lines,
+    )
+    for s, seabed in enumerate(SEABEDS)
+    for k, lines in enumerate(LINES)
+]
+_SETS = {"all": ALL, "pairs": PAIRS, "single": ONE_AT_A_TIME}
 
 
 def cases(names: list[str]) -> list[Case]:
-    """Those of these names; `all` is everything with everything. Raises ValueError."""
-    if names == ["all"]:
-        return ALL
+    """Those of these names, or of one of _SETS. Raises ValueError."""
+    if len(names) == 1 and names[0] in _SETS:
+        return _SETS[names[0]]
     unknown = [name for name in names if name not in _BY_NAME]
     if unknown:
         levels = ", ".join(level for factor in _FACTORS for level in list(factor)[1:])
         raise ValueError(
-            f"case is '{unknown[0]}', expected base, all, or one or more of {levels}, in this "
-            "order and joined by '+'"
+            f"case is '{unknown[0]}', expected base, all, pairs, single, or one or more of {levels}, "
+            "in this order and joined by '+'"
         )
     return [_BY_NAME[name] for name in names]

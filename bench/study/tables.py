@@ -71,6 +71,7 @@ def _line(case: str, contestant: str, group: list[Row]) -> Row:
         "refused": median("closures_refused"),
         "wrong, %": 100.0 * wrong / accepted if accepted else None,
         "prompts that resample": of(ratios("resamplings", "loop_closure_prompts")),
+        "founders left": median("founders"),
         "seabed, m": median("seabed_rmse_m"),
         "grid, m": median("grid_rmse_m"),
         "wall, s": median("wall_s"),

@@ -1,13 +1,14 @@
 """The study of what the data allow: its cases, its tables, and that it goes on where it was."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from bench.study import __main__ as command
-from bench.study import cases, contestants, figure8, tables
+from bench.study import cases, contestants, figure8, figures, tables
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 from rbpf_svgp_slam.run.run_files import save_run
 from rbpf_svgp_slam.simulation.mission import get_mission, plan_waypoints
@@ -16,11 +17,20 @@ from rbpf_svgp_slam.simulation.mission import get_mission, plan_waypoints
 def test_cases_are_named_by_what_differs_from_the_base():
     assert len(cases.ALL) == 6 * 3 * 3 * 4 == len({case.name for case in cases.ALL})
     assert [case.name for case in cases.ONE_AT_A_TIME].count("base") == 1
-    assert len(cases.ONE_AT_A_TIME) == 1 + 5 + 2 + 2 + 3
+    assert len(cases.cases(["single"])) == 1 + 5 + 2 + 2 + 3
     [case] = cases.cases(["rippled+cheap"])
     assert (case.seabed, case.dead_reckoning, case.lines) == ("rippled", "cheap", "crossed")
-    with pytest.raises(ValueError, match="case is 'cheap.rippled', expected base, all, or"):
+    with pytest.raises(ValueError, match="case is 'cheap.rippled', expected base, all, pairs,"):
         cases.cases(["base", "cheap+rippled"])
+
+
+def test_in_a_ninth_of_the_cases_any_two_levels_meet():
+    assert len(cases.cases(["pairs"])) == 24
+    factors = (cases.SEABEDS, cases.OUTLIERS, cases.DEAD_RECKONING, cases.LINES)
+    levels = [dataclasses.astuple(case) for case in cases.PAIRS]
+    for one, other in itertools.combinations(range(4), 2):
+        expected = set(itertools.product(factors[one], factors[other]))
+        assert {(of[one], of[other]) for of in levels} == expected
 
 
 @pytest.mark.parametrize(
@@ -64,7 +74,7 @@ def row(**over):
     fields.update(case="base", seed=1, contestant="gmrf100", commit="x", closures_accepted=50)
     fields.update(dr_ate_rmse_m=4.0, online_ate_rmse_m=1.0, ideal_online_ate_rmse_m=0.8)
     fields.update(ate_rmse_m=0.5, ideal_ate_rmse_m=0.4, closures_wrong=1)
-    fields.update(loop_closure_prompts=10, resamplings=4)
+    fields.update(loop_closure_prompts=10, resamplings=4, founders=1)
     return {**fields, **over}
 
 
@@ -77,6 +87,24 @@ def test_tables_have_medians_and_the_worst():
     assert float(shown["wrong, %"]) == pytest.approx(100 * 2 / 150, rel=0.01)
     assert float(shown["prompts that resample"]) == 0.4
     assert len(tables.every(rows).splitlines()) == 2 + 3
+
+
+def test_figures_show_every_seed_and_the_medians():
+    rows = [row(), row(seed=2, ate_rmse_m=6.0), row(seed=3, ate_rmse_m=0.4, online_nees=None)]
+    rows.append(row(contestant="grid", ate_rmse_m=2.0))
+    final = figures.of_case("base", rows).axes[1]
+    assert final.get_title(loc="left") == "final ATE"
+    dots = {line.get_ydata()[0]: sorted(line.get_xdata()) for line in final.lines[::2]}
+    # from the top: dead reckoning, the contestants as they came, the ideal
+    assert dots == {3: [4.0] * 3, 2: [0.4, 0.5, 6.0], 1: [2.0], 0: [0.4] * 3}
+    medians = [line.get_xdata()[0] for line in final.lines[1::2]]
+    assert medians == [4.0, 0.5, 2.0, 0.4]
+
+    rows.append(row(case="flat", ate_rmse_m=3.0, ideal_ate_rmse_m=None))
+    panels = figures.overview(rows, "gmrf100").axes
+    shown = [sorted(line.get_xdata()) for line in panels[1].lines if len(line.get_xdata()) == 3]
+    assert shown == [pytest.approx([1.0, 1.25, 15.0])]
+    assert [text.get_text() for text in panels[0].get_yticklabels()] == ["flat", "base"]
 
 
 def test_a_study_goes_on_where_it_was(tmp_path, monkeypatch):
