@@ -160,7 +160,7 @@ StepResult LoopClosing::weigh(const PlacedPing& ping) {
   try {
     const PingPrediction prediction = maps_.predict(epoch_, ping);
     const Eigen::ArrayXd z_m = ping.levelled_m.row(2).transpose().cast<double>().array();
-    const PingLikelihood likelihood = pingLikelihood(z_m, prediction, params_.weighting);
+    PingLikelihood likelihood = pingLikelihood(z_m, prediction, params_.weighting);
     note([&](auto& statistics) { statistics.overlap = likelihood.overlap; });
     if (likelihood.outcome == PromptOutcome::kLittleOverlap) {
       skip("the vehicle is over seabed that is not mapped yet");
@@ -171,6 +171,9 @@ StepResult LoopClosing::weigh(const PlacedPing& ping) {
                              std::to_string(likelihood.best_innovation) + " sigma";
       });
     } else {
+      if (const double beams = params_.weighting.elbo_beams; beams > 0.0) {
+        likelihood.log_likelihood += elboLikelihood(maps_.state(epoch_).elbo, beams);
+      }
       const WeightUpdate update = updateWeights(filter_.snapshot().logWeights(),
                                                 likelihood.log_likelihood, params_.weighting);
       filter_.setLogWeights(update.log_weights);

@@ -1,6 +1,7 @@
 // The particles' maps as Algorithm 2 sees them, wherever and by whatever engine they are kept.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -19,6 +20,9 @@ struct MapsState {
   std::vector<std::uint32_t> pasts;
   // Maps of those nodes whose training has converged.
   std::size_t maps_ready = 0;
+  // Of each particle's map, the moving average of its training objective, nats per beam, [J]; NaN
+  // where its node has not told one.
+  Eigen::ArrayXd elbo;
   // Training steps of all nodes since they started.
   std::uint64_t steps = 0;
 };

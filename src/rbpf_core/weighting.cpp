@@ -111,6 +111,13 @@ PingLikelihood pingLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction& p
                                              : robustLikelihood(z_m, prediction, params);
 }
 
+Eigen::ArrayXd elboLikelihood(const Eigen::ArrayXd& elbo, double elbo_beams) {
+  if (!elbo.allFinite()) {
+    throw std::invalid_argument("a map's ELBO is not finite, lc/elbo_beams needs that of each");
+  }
+  return elbo_beams * elbo;
+}
+
 WeightUpdate updateWeights(const Eigen::ArrayXd& log_weights, const Eigen::ArrayXd& log_likelihood,
                            const WeightingParams& params) {
   if (log_likelihood.size() != log_weights.size()) {

@@ -17,6 +17,9 @@ struct WeightingParams {
   double noise_std_m = 0.3;
   // tau, the exponent of a prompt's likelihood; 1 is the paper's.
   double tempering = 1.0;
+  // A map's training objective, the ELBO per beam, counts as so many beams' log likelihood; 0: not
+  // at all, as in the paper, which proposes it for further research.
+  double elbo_beams = 0.0;
 
   // The rest is of the robust rule only.
 
@@ -52,6 +55,10 @@ struct PingLikelihood {
 // Robust rule: see robustLikelihood in the source.
 PingLikelihood pingLikelihood(const Eigen::ArrayXd& z_m, const PingPrediction& prediction,
                               const WeightingParams& params);
+
+// What the maps' ELBO per beam [J], in nats, adds to the log likelihood of a prompt. Throws
+// std::invalid_argument unless all are finite.
+Eigen::ArrayXd elboLikelihood(const Eigen::ArrayXd& elbo, double elbo_beams);
 
 struct WeightUpdate {
   // [J], normalised.

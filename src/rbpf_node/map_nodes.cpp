@@ -1,6 +1,7 @@
 #include "rbpf_node/map_nodes.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 
 #include "rbpf_core/resampling.hpp"
@@ -141,6 +142,8 @@ rbpf_core::MapsState MapNodes::state(std::uint32_t epoch) const {
   const std::lock_guard lock(mutex_);
   rbpf_core::MapsState state;
   state.nodes = nodes_;
+  state.elbo.setConstant(static_cast<Eigen::Index>(node_of_.size()),
+                         std::numeric_limits<double>::quiet_NaN());
   for (const auto& [node, heard] : latest_) {
     const MapStatus& status = heard.status;
     if (status.survey != survey_) continue;
@@ -150,6 +153,9 @@ rbpf_core::MapsState MapNodes::state(std::uint32_t epoch) const {
     state.pasts.push_back(status.past);
     state.maps_ready += static_cast<std::size_t>(
         std::count_if(status.ready.begin(), status.ready.end(), [](auto r) { return r != 0; }));
+    for (std::size_t k = 0; k < status.particles.size(); ++k) {
+      state.elbo(status.particles[k]) = status.objective[k];
+    }
   }
   return state;
 }

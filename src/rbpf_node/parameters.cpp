@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "rbpf_core/decimal.hpp"
 #include "rbpf_node/parameter_reader.hpp"
 
 namespace rbpf_node {
@@ -141,6 +142,21 @@ rbpf_core::FilterParams filter(ParameterReader& reader) {
   return params;
 }
 
+// Maps under one model, which they have from elsewhere, have no objective of their own.
+double elboBeams(ParameterReader& reader) {
+  const double beams = reader.number("lc/elbo_beams", 0.0, kMost);
+  if (beams == 0.0) return 0.0;
+  const std::string engine = reader.text("map/engine");
+  const std::string optimizer = engine == "svgp" ? reader.text("svgp/optimizer") : "none";
+  if (optimizer != "adam" && optimizer != "natgrad") {
+    ParameterReader::fail("lc/elbo_beams", rbpf_core::decimal(beams, 1),
+                          "0 unless map/engine is svgp, here " + engine +
+                              ", and svgp/optimizer is adam or natgrad, here " + optimizer +
+                              ": other maps have no ELBO each of its own");
+  }
+  return beams;
+}
+
 rbpf_core::WeightingParams loopClosure(ParameterReader& reader) {
   rbpf_core::WeightingParams params;
   params.rule = reader.choice("lc/weights", {"product", "robust"}) == "product"
@@ -148,6 +164,7 @@ rbpf_core::WeightingParams loopClosure(ParameterReader& reader) {
                     : rbpf_core::WeightRule::kRobust;
   params.noise_std_m = reader.number("lc/noise_std_m", 1e-3, kFarthest_m);
   params.tempering = reader.number("lc/tempering", 0.0, 1.0);
+  params.elbo_beams = elboBeams(reader);
   params.min_n_eff_share = reader.number("lc/min_n_eff_share", 0.0, 1.0);
   params.effective_beams = reader.number("lc/effective_beams", 0.0, kMost);
   params.student_t_dof = reader.number("lc/student_t_dof", 1.0, kMost);

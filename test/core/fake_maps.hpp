@@ -32,6 +32,7 @@ class FakeMaps : public Maps {
       state.pasts.push_back(past_of[k]);
     }
     state.maps_ready = ready;
+    state.elbo = elbo;
     return state;
   }
 
@@ -72,6 +73,7 @@ class FakeMaps : public Maps {
   Eigen::ArrayXd error_m;
   std::function<void(PingPrediction* prediction)> on_predict;
   std::function<void()> on_prepare, on_commit, on_abort;
+  Eigen::ArrayXd elbo;                  // [J], that the maps report
   std::size_t ready;                    // maps that report to be ready
   std::vector<std::uint32_t> epoch_of;  // [B], that each node reports
   std::vector<std::uint32_t> past_of;   // [B], the same

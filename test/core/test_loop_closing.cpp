@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -166,6 +167,28 @@ TEST_F(LoopClosingTest, ResamplesAfterAPromptThatWasAskedFor) {
 }
 
 // ---- weights -----------------------------------------------------------------------------------
+
+TEST_F(LoopClosingTest, CountsTheMapsElboAsBeamsOnlyWhereItIsToldTo) {
+  maps.elbo = Eigen::ArrayXd::Zero(4);
+  maps.elbo << -0.5, -0.7, -0.9, -0.6;
+  closing.step();
+  EXPECT_TRUE(weights().isApprox(Eigen::ArrayXd::Constant(4, 0.25)));  // as the product rule has it
+
+  LoopClosingParams params = productRule(0.0);
+  params.weighting.elbo_beams = 3.0;
+  LoopClosing by_elbo(filter, maps, params);
+  sailOn();
+  EXPECT_EQ(by_elbo.step().outcome, StepOutcome::kPrompted);
+  const Eigen::ArrayXd expected = (3.0 * maps.elbo).exp();
+  EXPECT_TRUE(weights().isApprox(expected / expected.sum()));
+
+  maps.elbo(2) = std::numeric_limits<double>::quiet_NaN();
+  sailOn();
+  const StepResult step = by_elbo.step();
+  EXPECT_EQ(step.outcome, StepOutcome::kFailed);
+  EXPECT_NE(step.problem.find("ELBO is not finite"), std::string::npos) << step.problem;
+  EXPECT_TRUE(weights().isApprox(expected / expected.sum()));
+}
 
 TEST_F(LoopClosingTest, WeighsTheParticlesByWhatTheirMapsPredict) {
   maps.error_m << 0.0, 0.1, 0.2, 0.3;

@@ -127,16 +127,11 @@ Fields fieldsOf(const rbpf_core::FilterParams& params) {
 }
 
 Fields fieldsOf(const rbpf_core::WeightingParams& params) {
-  const auto& [rule, noise_std_m, tempering, min_n_eff_share, effective_beams, student_t_dof,
-               min_overlap, mapped_variance, veto_sigma] = params;
-  return {FIELD(rule),
-          FIELD(noise_std_m),
-          FIELD(tempering),
-          FIELD(min_n_eff_share),
-          FIELD(effective_beams),
-          FIELD(student_t_dof),
-          FIELD(min_overlap),
-          FIELD(mapped_variance),
+  const auto& [rule, noise_std_m, tempering, elbo_beams, min_n_eff_share, effective_beams,
+               student_t_dof, min_overlap, mapped_variance, veto_sigma] = params;
+  return {FIELD(rule),          FIELD(noise_std_m),     FIELD(tempering),
+          FIELD(elbo_beams),    FIELD(min_n_eff_share), FIELD(effective_beams),
+          FIELD(student_t_dof), FIELD(min_overlap),     FIELD(mapped_variance),
           FIELD(veto_sigma)};
 }
 
@@ -254,6 +249,16 @@ TEST(ValidParameters, LeaveTheEnginesGroupToTheMapNodes) {
   EXPECT_TRUE(contains(refusalOf(tree), "sauna/spacing_m is 2, expected no such parameter"));
   tree["map"]["engine"] = std::string("sauna");
   EXPECT_EQ(refusalOf(tree), "");
+}
+
+TEST(ValidParameters, UseTheElboOfMapsThatAreTrainedEachByItself) {
+  XmlRpcValue tree = treeWith("lc", "elbo_beams", 2.0);
+  EXPECT_TRUE(contains(refusalOf(tree), "lc/elbo_beams is 2.0, expected 0 unless"));
+  tree["svgp"]["optimizer"] = std::string("natgrad");
+  EXPECT_EQ(refusalOf(tree), "");
+  EXPECT_EQ(validParameters(tree).loop_closure.elbo_beams, 2.0);
+  tree["map"]["engine"] = std::string("gmrf");
+  EXPECT_TRUE(contains(refusalOf(tree), "here gmrf"));
 }
 
 TEST(ValidParameters, MustAgreeWithOneAnother) {
