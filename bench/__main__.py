@@ -28,6 +28,7 @@ SECTIONS = {
     "gmrf.picture": "bench.gmrf.picture",
     "gmrf.filter": "bench.gmrf.filter",
     "smoothing.closures": "bench.smoothing.closures",
+    "smoothing.defaults": "bench.smoothing.defaults",
     "core.log_and_histories": "bench.core.log_and_histories",
     "core.journal": "bench.core.journal",
     "core.ingest": "bench.core.ingest",

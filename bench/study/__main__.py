@@ -17,7 +17,7 @@ from bench.peers.peer_runs import PEERS
 from bench.study import figures, tables
 from bench.study.cases import Case, cases
 from bench.study.contestants import CONTESTANTS, overlay
-from bench.study.replays import make_survey, replay, run_peer
+from bench.study.replays import RunFailed, make_survey, replay, run_peer
 from rbpf_svgp_slam import cpu
 
 #: Nothing was chosen on these and the next ones.
@@ -49,16 +49,18 @@ def main() -> int:
     # All cases of one seed before the next seed: whenever it is interrupted, no case is left out.
     surveys = [(case, seed) for seed, case in itertools.product(seeds, chosen)]
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        list(pool.map(lambda survey: study.run(*survey), surveys))
+        failures = [text for text in pool.map(lambda one: study.run(*one), surveys) if text]
     rows = study.rows(surveys)
-    text = f"{tables.medians(rows)}\n\n{tables.every(rows)}\n"
-    (out / "study.md").write_text(text, encoding="utf-8")
+    by_case = f"{tables.errors(rows)}\n\n{tables.honesty(rows)}"
+    (out / "study.md").write_text(f"{by_case}\n\n{tables.every(rows)}\n", encoding="utf-8")
     for case in dict.fromkeys(row["case"] for row in rows):
         figure = figures.of_case(case, [row for row in rows if row["case"] == case])
         save(figure, out / f"{case}.png")
     save(figures.overview(rows, arguments.contestants[0]), out / "overview.png")
-    print(tables.medians(rows))
-    return 0
+    print(by_case)
+    for failure in failures:
+        print(f"tools/study.sh: error: {failure}", file=sys.stderr)
+    return 1 if failures else 0
 
 
 class Study:
@@ -76,19 +78,26 @@ class Study:
     def _key(row: dict[str, Any]) -> tuple[str, int, str]:
         return row["case"], row["seed"], row["contestant"]
 
-    def run(self, case: Case, seed: int) -> None:
-        """What has still to be run on this survey; the bag goes when all is done."""
+    def run(self, case: Case, seed: int) -> str:
+        """What has still to be run on this survey; returns what failed, if anything did.
+
+        The bag goes when all is done.
+        """
         missing = [c for c in self._contestants if (case.name, seed, c) not in self._known]
         for contestant in missing:
             folder = self._out / f"{case.name}_{seed}" / contestant.replace("/", ".")
             row = {"case": case.name, "seed": seed, "contestant": contestant}
-            if contestant in PEERS:
-                self._keep({**row, **run_peer(contestant, case, seed, folder)})
-            else:
-                bag = make_survey(case, seed, self._out)
-                self._keep({**row, **replay(contestant, seed, bag, folder)})
+            try:
+                if contestant in PEERS:
+                    self._keep({**row, **run_peer(contestant, case, seed, folder)})
+                else:
+                    bag = make_survey(case, seed, self._out)
+                    self._keep({**row, **replay(contestant, seed, bag, folder)})
+            except RunFailed as error:
+                return str(error)
         for path in self._out.glob(f"{case.name}_{seed}.*"):
             path.unlink()
+        return ""
 
     def _keep(self, row: dict[str, Any]) -> None:
         with self._lock, self._file.open("a", encoding="utf-8") as file:
@@ -116,9 +125,9 @@ def _parse() -> argparse.Namespace:
         nargs="+",
         default=["single"],
         metavar="CASE",
-        help="names such as base, rippled, outliers5+cheap; single: the base and what differs from it "
-        "in one thing; all: everything with everything; pairs: a ninth of these, in which any two "
-        "levels meet",
+        help="names such as base, rippled, outliers5+cheap; single: the base and what differs "
+        "from it in one thing; all: everything with everything; pairs: a ninth of these, in which "
+        "any two levels meet",
     )
     add(
         "--contestants",

@@ -150,7 +150,7 @@ def cases(names: list[str]) -> list[Case]:
     if unknown:
         levels = ", ".join(level for factor in _FACTORS for level in list(factor)[1:])
         raise ValueError(
-            f"case is '{unknown[0]}', expected base, all, pairs, single, or one or more of {levels}, "
-            "in this order and joined by '+'"
+            f"case is '{unknown[0]}', expected base, all, pairs, single, or one or more of "
+            f"{levels}, in this order and joined by '+'"
         )
     return [_BY_NAME[name] for name in names]

@@ -33,6 +33,10 @@ FIELDS = (
 PATIENCE_S = 3600.0
 
 
+class RunFailed(Exception):
+    """A run that ended badly, or not in time."""
+
+
 def make_survey(case: Case, seed: int, folder: Path) -> Path:
     """Write the survey's bag with overlay and seabed beside it, unless it is there."""
     bag = folder / f"{case.name}_{seed}.bag"
@@ -68,12 +72,12 @@ def run_peer(name: str, case: Case, seed: int, folder: Path) -> dict[str, Any]:
 def _row(command: list[str], folder: Path, **how: Any) -> dict[str, Any]:
     """What the command writes into report.json; how: as subprocess.run has it."""
     started_s = time.monotonic()
-    with (folder / "launch.log").open("w") as log:
-        status = subprocess.run(
-            command, stdout=log, stderr=subprocess.STDOUT, timeout=PATIENCE_S, **how
-        ).returncode
-    if status:
-        raise RuntimeError(f"{' '.join(command)} failed: see {folder}/launch.log")
+    try:
+        with (folder / "launch.log").open("w") as log:
+            how.update(stdout=log, stderr=subprocess.STDOUT, timeout=PATIENCE_S)
+            subprocess.run(command, check=True, **how)
+    except subprocess.SubprocessError as error:
+        raise RunFailed(f"{error} See {folder}/launch.log") from error
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     _drop_large_files(folder)
     row = {name: report.get(name) for name in FIELDS}

@@ -1,4 +1,4 @@
-"""The study's tables, in Markdown: medians over the seeds, and every run."""
+"""The study's tables, in Markdown: by case and contestant over the seeds, and every run."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from bench.svgp.in_process import markdown
 Row = dict[str, Any]
 
 
-def medians(rows: Iterable[Row]) -> str:
-    """A line for each case and contestant."""
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row["case"], row["contestant"]), []).append(row)
-    return markdown([_line(*key, group) for key, group in groups.items()])
+def errors(rows: Iterable[Row]) -> str:
+    """What is reached, beside dead reckoning and the ideal: medians, and the worst seed."""
+    return markdown([{**_named(group), **_errors(group)} for group in _groups(rows)])
+
+
+def honesty(rows: Iterable[Row]) -> str:
+    """How sure, by how many closures and resamplings, and at what cost: medians and shares."""
+    return markdown([{**_named(group), **_honesty(group)} for group in _groups(rows)])
 
 
 def every(rows: Iterable[Row]) -> str:
@@ -39,40 +41,58 @@ def every(rows: Iterable[Row]) -> str:
     )
 
 
-def _line(case: str, contestant: str, group: list[Row]) -> Row:
-    def of(values: list[Any], measure: Callable[[Any], Any] = np.median) -> float | None:
-        known = [value for value in values if value is not None and np.isfinite(value)]
-        return float(measure(known)) if known else None
+def _groups(rows: Iterable[Row]) -> list[list[Row]]:
+    """By case and contestant."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["case"], row["contestant"]), []).append(row)
+    return list(groups.values())
 
-    def median(name: str) -> float | None:
-        return of([row[name] for row in group])
 
-    def ratios(name: str, other: str) -> list[float]:
-        return [ratio(row, name, other) for row in group]
+def _named(group: list[Row]) -> Row:
+    first = group[0]
+    return {"case": first["case"], "contestant": first["contestant"], "seeds": len(group)}
 
+
+def _errors(group: list[Row]) -> Row:
+    return {
+        "DR, m": _median(group, "dr_ate_rmse_m"),
+        "online, m": _median(group, "online_ate_rmse_m"),
+        "final, m": _median(group, "ate_rmse_m"),
+        "aligned, m": _median(group, "ate_aligned_rmse_m"),
+        "ideal aligned, m": _median(group, "ideal_ate_aligned_rmse_m"),
+        "online over ideal": _of(_ratios(group, "online_ate_rmse_m", "ideal_online_ate_rmse_m")),
+        "final over ideal": _of(_ratios(group, "ate_rmse_m", "ideal_ate_rmse_m")),
+        "worst online over DR": _of(_ratios(group, "online_ate_rmse_m", "dr_ate_rmse_m"), max),
+        "worst final over DR": _of(_ratios(group, "ate_rmse_m", "dr_ate_rmse_m"), max),
+    }
+
+
+def _honesty(group: list[Row]) -> Row:
     accepted = sum(row["closures_accepted"] or 0 for row in group)
     wrong = sum(row["closures_wrong"] or 0 for row in group)
     return {
-        "case": case,
-        "contestant": contestant,
-        "seeds": len(group),
-        "DR, m": median("dr_ate_rmse_m"),
-        "online, m": median("online_ate_rmse_m"),
-        "final, m": median("ate_rmse_m"),
-        "aligned, m": median("ate_aligned_rmse_m"),
-        "online over ideal": of(ratios("online_ate_rmse_m", "ideal_online_ate_rmse_m")),
-        "final over ideal": of(ratios("ate_rmse_m", "ideal_ate_rmse_m")),
-        "ideal aligned, m": median("ideal_ate_aligned_rmse_m"),
-        "worst final over DR": of(ratios("ate_rmse_m", "dr_ate_rmse_m"), max),
-        "worst online over DR": of(ratios("online_ate_rmse_m", "dr_ate_rmse_m"), max),
-        "online NEES": median("online_nees"),
-        "NEES": median("nees"),
-        "closures": median("closures_accepted"),
-        "refused": median("closures_refused"),
+        "online NEES": _median(group, "online_nees"),
+        "NEES": _median(group, "nees"),
+        "closures": _median(group, "closures_accepted"),
+        "refused": _median(group, "closures_refused"),
         "wrong, %": 100.0 * wrong / accepted if accepted else None,
-        "prompts that resample": of(ratios("resamplings", "loop_closure_prompts")),
-        "founders left": median("founders"),
-        "seabed, m": median("seabed_rmse_m"),
-        "grid, m": median("grid_rmse_m"),
-        "wall, s": median("wall_s"),
+        "prompts that resample": _of(_ratios(group, "resamplings", "loop_closure_prompts")),
+        "founders left": _median(group, "founders"),
+        "seabed, m": _median(group, "seabed_rmse_m"),
+        "1 m grid, m": _median(group, "grid_rmse_m"),
+        "wall, s": _median(group, "wall_s"),
     }
+
+
+def _of(values: list[Any], measure: Callable[[Any], Any] = np.median) -> float | None:
+    known = [value for value in values if value is not None and np.isfinite(value)]
+    return float(measure(known)) if known else None
+
+
+def _median(group: list[Row], name: str) -> float | None:
+    return _of([row[name] for row in group])
+
+
+def _ratios(group: list[Row], name: str, other: str) -> list[float]:
+    return [ratio(row, name, other) for row in group]

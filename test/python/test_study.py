@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from bench.study import __main__ as command
-from bench.study import cases, contestants, figure8, figures, tables
+from bench.study import cases, contestants, figure8, figures, replays, tables
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 from rbpf_svgp_slam.run.run_files import save_run
 from rbpf_svgp_slam.simulation.mission import get_mission, plan_waypoints
@@ -80,8 +80,10 @@ def row(**over):
 
 def test_tables_have_medians_and_the_worst():
     rows = [row(), row(seed=2, ate_rmse_m=6.0), row(seed=3, ate_rmse_m=0.4, closures_wrong=None)]
-    header, _, line = tables.medians(rows).splitlines()
-    shown = dict(zip(header.split(" | "), line.split(" | ")))
+    shown = {}
+    for table in (tables.errors(rows), tables.honesty(rows)):
+        header, _, line = table.splitlines()
+        shown.update(zip(*(text.strip("| ").split(" | ") for text in (header, line))))
     assert float(shown["final, m"]) == 0.5 and float(shown["final over ideal"]) == 1.25
     assert float(shown["worst final over DR"]) == 1.5
     assert float(shown["wrong, %"]) == pytest.approx(100 * 2 / 150, rel=0.01)
@@ -123,6 +125,17 @@ def test_a_study_goes_on_where_it_was(tmp_path, monkeypatch):
     study.run(*survey)
     assert ran == [("gmrf40", 201), ("gmrf100", 201)]
     assert [row["contestant"] for row in study.rows([survey])] == ["gmrf40", "gmrf100"]
+
+
+def test_a_run_that_fails_is_told_and_run_again_the_next_time(tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "make_survey", lambda case, seed, out: out / "a.bag")
+    broken = ["bash", "-c", "echo no room; exit 3"]
+    monkeypatch.setattr(command, "replay", lambda *_: replays._row(broken, tmp_path))
+    study = command.Study(tmp_path, ["gmrf40", "gmrf100"])
+    failure = study.run(cases.BASE, 201)
+    assert "returned non-zero exit status 3" in failure and f"{tmp_path}/launch.log" in failure
+    assert (tmp_path / "launch.log").read_text() == "no room\n"
+    assert study.rows([(cases.BASE, 201)]) == []
 
 
 def test_figure_8_has_both_runs_and_both_ideals(run, tmp_path, monkeypatch):
