@@ -81,6 +81,14 @@ def test_without_overlap_it_is_dead_reckoning():
     np.testing.assert_allclose(track.smoothed, odometry, atol=1e-6)
 
 
+@pytest.mark.parametrize("apart_m, is_seen", [(4.4, True), (4.6, False)])
+def test_lines_tell_of_each_other_as_far_as_the_smoother_registers_them(apart_m, is_seen):
+    stamp_s, truth = to_and_fro()
+    truth[41:, 1] = apart_m  # half widths of 3 m: three quarters of both are 4.5 m
+    track = IdealTrack(smoothing_params({}), stamp_s, truth, truth)
+    assert (track.run(np.full(81, 3.0)) > 0) == is_seen
+
+
 @pytest.fixture(scope="module")
 def tracks(run):
     return ideal(run, smoothing_params(run.config))

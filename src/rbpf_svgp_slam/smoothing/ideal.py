@@ -21,8 +21,9 @@ ERROR = np.array([0.1, 0.1, 0.005])
 OLDER = 3
 #: The graph is solved after so many nodes; in long surveys less often, so many times in all.
 SOLVED_EVERY, MOST_SOLUTIONS = 5, 200
-#: Of a swath's beams the share that lies within its half width, as the smoother has it.
-WITHIN = 0.9
+#: Of a swath's beams the share that lies within its half width; and of both half widths the share
+#: within which two places see the same seabed. Both as the smoother has them.
+WITHIN, NEAR = 0.9, 0.75
 PLANAR = [0, 1, 5]
 
 
@@ -97,10 +98,10 @@ class IdealTrack:
         return closures
 
     def _older(self, j: int, half_width_m: np.ndarray) -> np.ndarray:
-        """The nearest older nodes whose swaths overlap j's by half."""
+        """The nearest older nodes, of those that the smoother would register j to."""
         old = np.searchsorted(self._stamp_s, self._stamp_s[j] - self._min_apart_s, side="right")
         distance_m = np.hypot(*(self._truth[:old, :2] - self._truth[j, :2]).T)
-        near = np.flatnonzero(distance_m < 0.5 * (half_width_m[:old] + half_width_m[j]))
+        near = np.flatnonzero(distance_m < NEAR * (half_width_m[:old] + half_width_m[j]))
         return near[np.argsort(distance_m[near], kind="stable")][:OLDER]
 
     def _close(self, k: int, j: int) -> None:
