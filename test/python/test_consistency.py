@@ -66,7 +66,11 @@ def test_farthest_pass_distance_equals_brute_force():
     order = np.argsort(keys, kind="stable")
     points, passes, keys = points[order], passes[order], keys[order]
     cell_key, cell = np.unique(keys, return_inverse=True)
-    ours = farthest_pass_distance(points, passes, cell_key, cell)
+    ours = farthest_pass_distance(points, passes, cell_key, cell, np.arange(len(points)))
+    some = np.array([7, 3, 200])
+    np.testing.assert_array_equal(
+        farthest_pass_distance(points, passes, cell_key, cell, some), ours[some]
+    )
     expected = brute_force(points, passes, 1.0)
     for centre, c in zip(cells.cell_centres(cell_key, 1.0), range(len(cell_key))):
         for number, distances in expected[tuple(np.floor(centre).astype(int))].items():

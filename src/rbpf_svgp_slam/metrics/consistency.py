@@ -91,16 +91,16 @@ def consistency(
     if not len(points):
         return Consistency(None, None, np.empty((0, 2)), np.empty(0), None)
     cell_key, first_of_cell, cell = np.unique(keys, return_index=True, return_inverse=True)
-    distance = farthest_pass_distance(points, passes, cell_key, cell)
-
     new_group = np.diff(cell, prepend=-1) + np.abs(np.diff(passes, prepend=-1)) > 0
     start = np.flatnonzero(new_group)
     count = np.diff(start, append=len(points))
     first_group_of_cell = np.searchsorted(start, first_of_cell)
+    drawn = start + (rng.random((settings.draws, len(start))) * count).astype(int)
+    of, place = np.unique(drawn, return_inverse=True)
+    distance = farthest_pass_distance(points, passes, cell_key, cell, of)[place]
     error = np.zeros((len(cell_key), 2))
-    for _ in range(settings.draws):
-        drawn = start + (rng.random(len(start)) * count).astype(int)
-        error += np.maximum.reduceat(distance[drawn], first_group_of_cell) / settings.draws
+    for of_draw in distance.reshape(*drawn.shape, 2):
+        error += np.maximum.reduceat(of_draw, first_group_of_cell) / settings.draws
     around, overlap = error.T
     hit = overlap > 0
     return Consistency(
@@ -113,24 +113,26 @@ def consistency(
 
 
 def farthest_pass_distance(
-    points: np.ndarray, passes: np.ndarray, cell_key: np.ndarray, cell: np.ndarray
+    points: np.ndarray, passes: np.ndarray, cell_key: np.ndarray, cell: np.ndarray, of: np.ndarray
 ) -> np.ndarray:
-    """Return for each point the largest over the other passes of the distance to the nearest.
+    """Return for points `of` [m] the largest over the other passes of the distance to the nearest.
 
-    Points [n, 3] are sorted by cell; cell [n] indexes the sorted cell_key [C]. Only points in
-    the 3 × 3 cells around count. The result is [n, 2]: over all passes with such points, and over
-    those of them that have also hit the point's own cell; 0 where there are none. A k-d tree's
-    nearest point may lie beyond these cells, so the cells are searched, one rank at a time.
+    Points [n, 3] are sorted by cell; cell [n] indexes the sorted cell_key [C]; `of` indexes points.
+    Only points in the 3 × 3 cells around count. The result is [m, 2]: over all passes with such
+    points, and over those of them that have also hit the point's own cell; 0 where there are none.
+    A k-d tree's nearest point may lie beyond these cells, so the cells are searched, one rank at a
+    time.
     """
     neighbours = _occupied(neighbour_keys(cell_key), cell_key)
-    farthest = np.zeros((len(points), 2))
+    farthest = np.zeros((len(of), 2))
     for other in np.unique(passes):
         index = np.flatnonzero(passes == other)
         # One more cell at the end, always empty, is what absent neighbours (-1) point to.
         count = np.bincount(cell[index], minlength=len(cell_key) + 1)
         first = np.cumsum(count) - count
         is_near = (count[neighbours] > 0).any(axis=1)
-        query = np.flatnonzero(is_near[cell] & (passes != other))
+        asked = np.flatnonzero(is_near[cell[of]] & (passes[of] != other))
+        query = of[asked]
         x, y, z = points[query].T
         nearest_sq = np.full(len(query), np.inf)
         for neighbour in neighbours[cell[query]].T:
@@ -146,7 +148,7 @@ def farthest_pass_distance(
                 left = left[count[other_cell] > rank]
         nearest = np.sqrt(nearest_sq)
         in_cell = np.where(count[cell[query]] > 0, nearest, 0)
-        farthest[query] = np.maximum(farthest[query], np.column_stack([nearest, in_cell]))
+        farthest[asked] = np.maximum(farthest[asked], np.column_stack([nearest, in_cell]))
     return farthest
 
 
