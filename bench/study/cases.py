@@ -96,9 +96,12 @@ class Case:
         ]
         return "+".join(differing) or "base"
 
-    def survey(self, seed: int) -> Survey:
-        """Simulate it: the same seed drifts alike over every seabed."""
-        mission = get_mission("lolo3", BASE_SCALE)
+    def survey(self, seed: int, scale: float = BASE_SCALE) -> Survey:
+        """Simulate it: the same seed drifts alike over every seabed.
+
+        scale: of lolo3's own lines; the other lines are as long as they are.
+        """
+        mission = get_mission("lolo3", scale)
         changes: dict = {}
         if (lines := LINES[self.lines]) is not None:
             changes["area_m"] = lines.area_m
