@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 from bench.paths import ROOT
-from bench.study.cases import Case
+from bench.study.cases import BASE_SCALE, Case
 from bench.study.contestants import overlay
 from rbpf_svgp_slam import machine
 from rbpf_svgp_slam.bags.survey_bag import write_bag
@@ -37,11 +37,11 @@ class RunFailed(Exception):
     """A run that ended badly, or not in time."""
 
 
-def make_survey(case: Case, seed: int, folder: Path) -> Path:
+def make_survey(case: Case, seed: int, folder: Path, scale: float = BASE_SCALE) -> Path:
     """Write the survey's bag with overlay and seabed beside it, unless it is there."""
     bag = folder / f"{case.name}_{seed}.bag"
     if not bag.is_file():
-        survey = case.survey(seed)
+        survey = case.survey(seed, scale)
         save_terrain(bag.with_suffix(".terrain.npz"), survey.terrain)
         write_overlay(bag.with_suffix(".survey.yaml"), survey)
         half = bag.with_suffix(".half")
