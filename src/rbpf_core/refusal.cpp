@@ -1,5 +1,7 @@
 #include "rbpf_core/refusal.hpp"
 
+#include <algorithm>
+
 namespace rbpf_core {
 
 namespace {
@@ -66,6 +68,13 @@ const char* groupOf(InputKind kind) {
   throw std::logic_error("a kind without a name");
 }
 
+// A text may quote a damaged message; not all that reads it stands bytes that are no text.
+std::string printable(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return text;
+}
+
 }  // namespace
 
 std::string nameOf(InputKind kind, Reason reason) {
@@ -77,7 +86,7 @@ bool RefusalCounts::add(InputKind kind, Reason reason, const std::string& what,
   if (messages == 0) return false;
   Count& count = counts_[{kind, reason}];
   const bool are_first = count.messages == 0;
-  if (are_first) count.example = what;
+  if (are_first) count.example = printable(what);
   count.messages += messages;
   return are_first;
 }

@@ -32,8 +32,7 @@ class OfflineReplay {
   // survey since there were beams to train on (0: it waits for no node), and prompts when that is
   // due; a recorder that takes part is told how the survey stands, output/publish_rate_hz times a
   // second of survey. At the end it grants the steps of output/final_training_s more. Prints
-  // progress. Returns
-  // the wall time, s, that the survey took, final training not included. Throws
+  // progress. Returns the wall time, s, that the survey took, final training not included. Throws
   // std::runtime_error if the bag cannot be read or lacks a topic, and when interrupted.
   double run(const OfflineParameters& offline);
 

@@ -31,6 +31,12 @@ TEST(RefusalCounts, KeepWhatWasWrongWithTheFirstOfEach) {
   EXPECT_EQ(counts.total(), 4U);
 }
 
+TEST(RefusalCounts, KeepTextAlone) {
+  RefusalCounts counts;
+  counts.add(InputKind::kPing, Reason::kNoMount, "no way from 'mb\xff\n\x01s' to 'base_link'");
+  EXPECT_EQ(counts.counts().begin()->second.example, "no way from 'mb???s' to 'base_link'");
+}
+
 TEST(RefusalCounts, TellWhatIsWrongFromWhatIsOnlyLost) {
   RefusalCounts counts;
   counts.add(InputKind::kPing, Reason::kNoBeams, "", 1);
