@@ -18,7 +18,7 @@ from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
 SEED, SCALE = 401, 0.4
 
 
-@pytest.mark.parametrize("case", ["base", "rippled", "cheap", "overlap10", "flat", "slope"])
+@pytest.mark.parametrize("case", ["base", "rippled", "overlap10", "flat"])
 def test_the_past_is_smoothed_as_well_as_the_seabed_lets_it(case):
     run = as_run(cases([case])[0].survey(SEED, SCALE))
     smoothed, _ = smooth_run(run, smoothing_params(run.config))
@@ -27,7 +27,7 @@ def test_the_past_is_smoothed_as_well_as_the_seabed_lets_it(case):
     assert ate_rmse(smoothed.estimate, truth) < 1.1 * ate_rmse(run.estimate, truth)
     closures = closure_metrics(smoothed.closures, smoothed.stamp_s, truth, [])
     assert closures["closures_wrong"] <= 0.01 * closures["closures_accepted"]
-    if case in ("flat", "slope"):  # which say little or nothing of the place
+    if case == "flat":  # says little or nothing of the place
         return
     allowed_m = ideal_metrics(run, [])["ideal_ate_aligned_rmse_m"]
     assert ate_aligned_rmse(smoothed.estimate, truth) < 1.5 * allowed_m
@@ -35,7 +35,7 @@ def test_the_past_is_smoothed_as_well_as_the_seabed_lets_it(case):
 
 @pytest.mark.alone
 def test_the_filter_s_own_run_is_as_good(tmp_path):
-    bag = make_survey(BASE, SEED, tmp_path, 0.3)
+    bag = make_survey(BASE, SEED, tmp_path, 0.25)
     row = replay("gmrf40", SEED, bag, tmp_path / "run")
     assert ratio(row, "ate_aligned_rmse_m", "ideal_ate_aligned_rmse_m") < 1.5
     assert ratio(row, "online_ate_rmse_m", "dr_ate_rmse_m") < 1.0
