@@ -38,8 +38,10 @@ _OURS, _IDEAL, _DR = (
 def of_case(case: str, rows: list[Row]) -> plt.Figure:
     """Every seed's errors by contestant, with their median, the ideal's and dead reckoning's."""
     names = list(dict.fromkeys(row["contestant"] for row in rows))
+    labels = ["ideal", *(name.replace(",", ",\n") for name in reversed(names)), "dead reckoning"]
+    height_in = 1.2 + 0.32 * sum(1 + label.count("\n") for label in labels)
     figure, panels = plt.subplots(
-        1, 3, figsize=(WIDTH_IN, 1.2 + 0.32 * (len(names) + 2)), sharey=True, layout="constrained"
+        1, 3, figsize=(WIDTH_IN, height_in), sharey=True, layout="constrained"
     )
     figure.suptitle(case, fontsize=10)
     by_seed = list({row["seed"]: row for row in rows}.values())
@@ -50,7 +52,7 @@ def of_case(case: str, rows: list[Row]) -> plt.Figure:
             _strip(axes, len(names) - k, errors_m, _OURS)
         _strip(axes, 0, [row[ideal] for row in by_seed], _IDEAL)
         axes.set(title=title, xlabel="m", xscale="log")
-    panels[0].set_yticks(range(len(names) + 2), ["ideal", *reversed(names), "dead reckoning"])
+    panels[0].set_yticks(range(len(labels)), labels)
     return figure
 
 
