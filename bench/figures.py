@@ -10,7 +10,7 @@ import numpy as np
 matplotlib.use("Agg")
 
 from matplotlib import pyplot as plt  # noqa: E402
-from matplotlib.axes import Axes  # noqa: E402
+from matplotlib.axis import Axis  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import FuncFormatter, LogLocator  # noqa: E402
 
@@ -49,19 +49,19 @@ def score_curves(
             style = {"label": LABELS[contestant], "color": COLOURS[contestant]}
             axes.plot(curve[x_name], curve[name], **style)
         axes.set(xlabel=x_label, ylabel=label)
-    _decimal_logarithmic(panels[0])
+    panels[0].set_yscale("log")
+    plain_numbers(panels[0].yaxis)
     best = max(np.max(curve["elbo"]) for curve in curves.values())
     worst = min(np.min(curve["elbo"]) for curve in curves.values())
     panels[1].set_ylim(max(worst, LOWEST_ELBO), best + 0.1)
     return figure
 
 
-def _decimal_logarithmic(axes: Axes) -> None:
-    """A logarithmic y axis over about one decade, its ticks as plain numbers."""
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
-    axes.yaxis.set_minor_locator(LogLocator(subs=()))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+def plain_numbers(axis: Axis, places: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)) -> None:
+    """Ticks of a logarithmic axis at these places of every decade, as plain numbers."""
+    axis.set_major_locator(LogLocator(subs=places))
+    axis.set_minor_locator(LogLocator(subs=()))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.figures import GUIDE, WIDTH_IN, plt
+from bench.figures import GUIDE, WIDTH_IN, plain_numbers, plt
 from bench.study.replays import ratio
 from rbpf_svgp_slam.figures import figure_style as style
 
@@ -28,6 +28,8 @@ RATIOS = {
     "final over ideal smoother": ("ate_rmse_m", "ideal_ate_rmse_m", 1.5),
     "final over dead reckoning": ("ate_rmse_m", "dr_ate_rmse_m", 1.1),
 }
+#: Of ticks.
+PLACES = (1.0, 2.0, 5.0)
 _OURS, _IDEAL, _DR = (
     style.COLOURS["estimate"],
     style.COLOURS["online"],
@@ -52,6 +54,7 @@ def of_case(case: str, rows: list[Row]) -> plt.Figure:
             _strip(axes, len(names) - k, errors_m, _OURS)
         _strip(axes, 0, [row[ideal] for row in by_seed], _IDEAL)
         axes.set(title=title, xlabel="m", xscale="log")
+        plain_numbers(axes.xaxis, PLACES)
     panels[0].set_yticks(range(len(labels)), labels)
     return figure
 
@@ -70,6 +73,7 @@ def overview(rows: list[Row], contestant: str) -> plt.Figure:
             _strip(axes, k, ratios, _OURS)
         axes.axvline(target, **GUIDE)
         axes.set(title=title, xscale="log")
+        plain_numbers(axes.xaxis, PLACES)
     panels[0].set_yticks(range(len(cases)), list(reversed(cases)))
     return figure
 
