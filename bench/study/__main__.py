@@ -19,6 +19,7 @@ from bench.study.cases import Case, cases
 from bench.study.contestants import CONTESTANTS, overlay
 from bench.study.replays import RunFailed, make_survey, replay, run_peer
 from rbpf_svgp_slam import cpu
+from rbpf_svgp_slam.simulation import SurveyError
 
 #: Nothing was chosen on these and the next ones.
 FIRST_SEED = 201
@@ -93,7 +94,7 @@ class Study:
                 else:
                     bag = make_survey(case, seed, self._out)
                     self._keep({**row, **replay(contestant, seed, bag, folder)})
-            except RunFailed as error:
+            except (RunFailed, SurveyError) as error:
                 return str(error)
         for path in self._out.glob(f"{case.name}_{seed}.*"):
             path.unlink()
