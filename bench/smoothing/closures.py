@@ -19,7 +19,7 @@ import numpy as np
 from bench.smoothing import simulated_runs
 from bench.svgp.in_process import markdown
 from rbpf_svgp_slam import _smoothing
-from rbpf_svgp_slam.metrics.closure_metrics import closure_metrics
+from rbpf_svgp_slam.metrics.closure_metrics import closure_errors, closure_metrics
 from rbpf_svgp_slam.metrics.ideal_metrics import ideal_metrics
 from rbpf_svgp_slam.metrics.normalised_errors import nees
 from rbpf_svgp_slam.metrics.trajectory_errors import ate_aligned_rmse, ate_rmse
@@ -115,10 +115,18 @@ def score(before: SurveyRun) -> dict[str, Any]:
         **{verdict: refused.get(verdict, 0) for verdict in VERDICTS},
         "wrong": closures["closures_wrong"],
         "closure_error_m": _number(closures["closure_error_median_m"]),
+        "closure_yaw_error_mrad": _yaw_error_mrad(after),
         "closure_nees": _number(closures["closure_nees"]),
         "nees": nees(after.estimate, after.estimate_covariance, truth)[0],
         "cpu_s": cpu_s,
     }
+
+
+def _yaw_error_mrad(run: SurveyRun) -> float | None:
+    """Of the accepted closures, root mean square."""
+    error, _ = closure_errors(run.closures, run.stamp_s, run.ground_truth)
+    yaw_rad = error[run.closures.verdict == "accepted", 2]
+    return 1e3 * float(np.sqrt(np.mean(yaw_rad**2))) if len(yaw_rad) else None
 
 
 def _number(value: Any) -> float | None:
@@ -192,6 +200,7 @@ def _counts(row: dict[str, Any]) -> dict[str, Any]:
 def _quality(row: dict[str, Any]) -> dict[str, Any]:
     return {
         "closure error, m": row["closure_error_m"],
+        "closure yaw error, mrad": row["closure_yaw_error_mrad"],
         "closure NEES": row["closure_nees"],
         "NEES": row["nees"],
         "CPU, s": row["cpu_s"],
