@@ -8,15 +8,14 @@ root=$PWD
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 # None: this is about the build's description, not about the program's speed or its debugging.
-# ccache: what catkin has compiled, colcon need not compile again.
+# Several files at once, whose headers are read once. ccache: what catkin has compiled, colcon, with
+# the same paths, need not compile again.
 options=(-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF -DCMAKE_BUILD_TYPE=None
-  -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
-export CCACHE_DIR=$root/build/ccache
+  -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=8 -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+export CCACHE_DIR=$root/build/ccache CCACHE_BASEDIR=$work/workspace
 
-mkdir -p "$work/catkin/src/rbpf_svgp_slam" "$work/colcon/src/rbpf_svgp_slam"
-for kind in catkin colcon; do
-  git ls-files -z | xargs -0 cp --parents -t "$work/$kind/src/rbpf_svgp_slam"
-done
+mkdir -p "$work/workspace/src/rbpf_svgp_slam"
+git ls-files -z | xargs -0 cp --parents -t "$work/workspace/src/rbpf_svgp_slam"
 
 # A run of another program, trajectories alone, for evo to score.
 mkdir "$work/run"
@@ -30,7 +29,7 @@ check() {
     set +u
     . "$1"
     export PIP_NO_INDEX=1 PIP_FIND_LINKS=$root/build/wheels
-    tools/requirements.sh
+    "$root/tools/requirements.sh"
     rosrun rbpf_svgp_slam evaluate_run.py "$work/run" | grep "evo .* agrees with ours" >/dev/null
     python3 -c "
 from rbpf_svgp_slam.figures.figure_style import DEPTH_MAP
@@ -40,14 +39,17 @@ assert DEPTH_MAP.name == 'deep_r', DEPTH_MAP.name"
   )
 }
 
-(cd "$work/catkin" && CCACHE_BASEDIR=$PWD catkin_make -j"$(nproc)" "${options[@]}" install >make.log 2>&1) ||
-  { cat "$work/catkin/make.log"; exit 1; }
-check "$work/catkin/devel/setup.bash"
-check "$work/catkin/install/setup.bash"
+cd "$work/workspace"
+catkin_make -j"$(nproc)" "${options[@]}" install >make.log 2>&1 || { cat make.log; exit 1; }
+check "$work/workspace/devel/setup.bash"
+check "$work/workspace/install/setup.bash"
 echo "catkin workspace: built and installed"
 
 # where catkin_make has its generated headers: another path to them would not be found in the cache
-(cd "$work/colcon" && CCACHE_BASEDIR=$PWD "$root/build/venv/bin/colcon" --log-base log build \
-  --cmake-args "${options[@]}" -DCATKIN_DEVEL_PREFIX="$work/colcon/devel" >build.log 2>&1) || { cat "$work/colcon/build.log"; exit 1; }
-check "$work/colcon/install/setup.bash"
+mkdir "$work/catkin"
+mv build devel install "$work/catkin"
+"$root/build/venv/bin/colcon" --log-base log build --base-paths src \
+  --cmake-args "${options[@]}" -DCATKIN_DEVEL_PREFIX="$work/workspace/devel" >build.log 2>&1 ||
+  { cat build.log; exit 1; }
+check "$work/workspace/install/setup.bash"
 echo "colcon build: built"

@@ -27,8 +27,8 @@ UNDRAWN = {**SMALL["output"], "figures": False}
 # Once, at the end: ten map nodes on two cores take their time to follow.
 AT_THE_END = {"period_s": 1000.0}
 
-# Of the paper's, the smallest and the largest.
-ROWS = ("J1_B1", "J100_B10")
+# Of the paper's, those with the fewest maps on one node and on ten.
+ROWS = ("J1_B1", "J10_B10")
 
 
 def run(name, tmp_path_factory, *options, **overlay):
@@ -71,7 +71,7 @@ def test_mapping_leaves_the_vehicle_where_dead_reckoning_has_it(mapping):
         assert report["ate_rmse_m"] == pytest.approx(report["dr_ate_rmse_m"], abs=1e-6)
 
 
-def test_a_hundred_maps_are_as_good_as_one(mapping):
+def test_ten_maps_are_as_good_as_one(mapping):
     _, reports = mapping
     alone = reports["J1_B1"]["map_rmse_m"]
     for name, report in reports.items():
