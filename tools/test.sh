@@ -41,6 +41,8 @@ step "pytest" run_pytest together -m "not alone" --numprocesses="$(nproc)" --dis
 # What only computes goes on behind what mostly waits, on processors that are idle otherwise
 # (SCHED_IDLE); in a session of its own, so that it ends with this script, compilers and all.
 setsid chrt --idle 0 bash -c '
+  # and as a session: Linux shares processors between sessions before it looks at what is idle
+  echo 19 2>/dev/null >/proc/self/autogroup || true
   tools/test_sanitizers.sh "$0" >"$0/sanitizers.log" 2>&1
   sanitizers=$?
   tools/test_builds.sh >"$0/builds.log" 2>&1 && exit $sanitizers' "$results" &

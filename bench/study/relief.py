@@ -1,6 +1,6 @@
 """How much relief the study's seabeds have: python3 -m bench.study.relief [SEED].
 
-Of the seabed's means on 1 m cells where the base's survey has seen it, about their plane: the range of
+Of the means on 1 m cells that the survey of the base sees, about their plane: the range of
 95 %, and the standard deviation.
 """
 

@@ -13,7 +13,7 @@ from bench.svgp.in_process import markdown
 
 Row = dict[str, Any]
 
-#: Seabeds whose relief is below 0.3 m (bench/study/relief.py): what they do not tell, no method finds.
+#: Seabeds whose relief is below 0.3 m (bench/study/relief.py): no method finds what is not there.
 LITTLE_RELIEF = ("flat", "block_b", "slope")
 
 

@@ -11,8 +11,9 @@ namespace rbpf_core {
 
 namespace {
 
-// A ping may come this much later than the odometry of its stamp.
-constexpr double kRecent_s = 10.0;
+// A ping may come this much later than the odometry of its stamp: a core that has stood still has
+// all of the odometry in between before it has the pings.
+constexpr double kRecent_s = 60.0;
 // And this much where it is known that it will come: a mount that never comes must not fill memory.
 constexpr double kKeptAtMost_s = 120.0;
 

@@ -231,19 +231,16 @@ def differences(served, survey: Survey, journal: dict) -> list[str]:
     return different
 
 
-def lost_pings(bag: Path, served_s: np.ndarray, of_core: list[Fault]) -> tuple[dict, int]:
-    """Pings of the bag that the survey lacks: by fault, and how many came while the core was well.
-
-    of_core: one that stands still for longer than it keeps odometry, 10 s, loses pings, too.
-    """
+def lost_pings(bag: Path, served_s: np.ndarray, kills: list[Fault]) -> tuple[list[int], int]:
+    """Pings of the bag that the survey lacks: by kill of the core, and how many came otherwise."""
     with rosbag.Bag(str(bag)) as file:
         pings = file.read_messages("/mbes/pings")
         stamps_s = np.array([message.header.stamp.to_sec() for _, message, _ in pings])
     lost_s = stamps_s[~np.isin(stamps_s, served_s)]
-    lost: dict[str, list[int]] = {fault.what: [] for fault in of_core}
-    for fault in of_core:
+    lost = []
+    for fault in kills:
         during = (lost_s > fault.survey_s - WAITING_S) & (lost_s < fault.survey_recovered_s)
-        lost[fault.what].append(int(np.count_nonzero(during)))
+        lost.append(int(np.count_nonzero(during)))
         lost_s = lost_s[~during]
     return lost, len(lost_s)
 
@@ -328,16 +325,14 @@ class Soak:
         journal = _journal.read(str(self._out / names.JOURNAL))
         different = differences(served, survey, journal)
         kills = faults.kills_of(names.CORE)
-        lost, unexplained = lost_pings(
-            self._bag, served.stamp_s, [fault for fault in faults.made if fault.name == names.CORE]
-        )
+        lost, unexplained = lost_pings(self._bag, served.stamp_s, kills)
         rospy.ServiceProxy(f"{RECORDER}/save", Trigger)()
         status = launch.wait(MAPS_PATIENCE_S)  # the report
         restarts = sum(len(faults.kills_of(name)) for name in map_nodes())
         print(
             f"{len(served.stamp_s)} pings, {len(served.levelled)} beams, {survey.status.prompts} "
             f"prompts, {survey.status.epoch} resamplings, {survey.status.past} corrections of the "
-            f"past; pings lost by faults of the core: {lost}\n"
+            f"past; pings lost by kills of the core: {lost}\n"
             f"journal: {journal['records']} records by {journal['programs']} programs, "
             f"{journal['whole_bytes'] / 1e6:.0f} MB\na last prompt: {prompt.message}"
         )

@@ -2,7 +2,7 @@
 //   uint32 bytes of the change · uint8 its type, Change::index() · the change, toBytes ·
 //   uint32 CRC-32 of all of that
 // Records are never changed. A file of another version is refused, so that whoever changes what a
-// record consists of raises kVersion.
+// record consists of, or what the filter makes of it, raises kVersion.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@
 namespace rbpf_core::journal_format {
 
 constexpr std::array<char, 8> kMagic = {'R', 'B', 'P', 'F', 'J', 'R', 'N', 'L'};
-constexpr std::uint32_t kVersion = 2;
+constexpr std::uint32_t kVersion = 3;
 constexpr std::size_t kFileHeadBytes = kMagic.size() + sizeof(kVersion);
 constexpr std::size_t kRecordHeadBytes = 5;
 constexpr std::size_t kChecksumBytes = 4;
