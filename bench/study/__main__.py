@@ -18,6 +18,7 @@ from bench.study import figures, tables
 from bench.study.cases import Case, cases
 from bench.study.contestants import CONTESTANTS, overlay
 from bench.study.replays import RunFailed, make_survey, replay, run_peer
+from bench.study.targets import against_targets
 from rbpf_svgp_slam import cpu
 from rbpf_svgp_slam.simulation import SurveyError
 
@@ -26,9 +27,10 @@ FIRST_SEED = 201
 
 _DESCRIPTION = """Run contestants on simulated surveys by offline replay, so that the results do not
 depend on the machine's speed, and print what they reach beside dead reckoning and the ideal
-smoother and filter. DIR gets a line for each run in rows.jsonl, the tables in study.md, a figure
-for each case, one of the first contestant in all cases, and the runs' reports and tracks. What
-rows.jsonl has is not run again: an interrupted study goes on."""
+smoother and filter. DIR gets a line for each run in rows.jsonl, the tables in study.md (the first
+holds the first contestant against the study's targets), a figure for each case, one of the first
+contestant in all cases, and the runs' reports and tracks. What rows.jsonl has is not run again: an
+interrupted study goes on."""
 
 
 def main() -> int:
@@ -52,13 +54,15 @@ def main() -> int:
     with ThreadPoolExecutor(arguments.jobs) as pool:
         failures = [text for text in pool.map(lambda one: study.run(*one), surveys) if text]
     rows = study.rows(surveys)
-    by_case = f"{tables.errors(rows)}\n\n{tables.honesty(rows)}"
-    (out / "study.md").write_text(f"{by_case}\n\n{tables.every(rows)}\n", encoding="utf-8")
+    first = arguments.contestants[0]
+    shown = [against_targets(rows, first), tables.errors(rows), tables.honesty(rows)]
+    text = "\n\n".join([*shown, tables.every(rows)])
+    (out / "study.md").write_text(text + "\n", encoding="utf-8")
     for case in dict.fromkeys(row["case"] for row in rows):
         figure = figures.of_case(case, [row for row in rows if row["case"] == case])
         save(figure, out / f"{case}.png")
-    save(figures.overview(rows, arguments.contestants[0]), out / "overview.png")
-    print(by_case)
+    save(figures.overview(rows, first), out / "overview.png")
+    print("\n\n".join(shown))
     for failure in failures:
         print(f"tools/study.sh: error: {failure}", file=sys.stderr)
     return 1 if failures else 0

@@ -8,7 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from bench.study import __main__ as command
-from bench.study import cases, contestants, figure8, figures, replays, tables
+from bench.study import cases, contestants, figure8, figures, relief, replays, tables
+from bench.study.targets import against_targets
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 from rbpf_svgp_slam.run.run_files import save_run
 from rbpf_svgp_slam.simulation.mission import get_mission, plan_waypoints
@@ -89,6 +90,35 @@ def test_tables_have_medians_and_the_worst():
     assert float(shown["wrong, %"]) == pytest.approx(100 * 2 / 150, rel=0.01)
     assert float(shown["prompts that resample"]) == 0.4
     assert len(tables.every(rows).splitlines()) == 2 + 3
+
+
+def test_targets_are_held_against_all_runs_those_of_ratios_against_the_ones_with_relief():
+    rows = [row(), row(seed=2, ate_rmse_m=0.9), row(seed=3, online_nees=7.0, closures_wrong=2)]
+    rows += [row(case="cheap", nees=3.0), row(case="flat", ate_rmse_m=5.0)]
+    rows += [row(contestant="submaps", ate_rmse_m=0.5), row(contestant="submaps", case="flat")]
+    lines = [
+        line.strip("| ").split(" | ") for line in against_targets(rows, "gmrf100").splitlines()
+    ]
+    reached = {what: (at, value) for what, at, value in lines[2:]}
+    assert reached["final over the ideal smoother, the same"] == ("1.5", "1.25")
+    assert reached["final over dead reckoning, worst of all runs"] == ("1.1", "1.25")
+    assert reached["wrong of 250 closures, %"] == ("1", "2.4")
+    assert reached["NEES, medians of the cases"] == ("0.5 to 2", "1 (base) to 3 (cheap)")
+    assert reached["prompts that resample, median of all runs"] == ("0.5", "0.4")
+    # of the seeds that both have
+    assert reached["final over the best peer, worst case (flat, submaps)"] == ("1.1", "10")
+    assert not any("peer" in line for line in against_targets(rows[:5], "gmrf100").splitlines())
+
+
+def test_relief_is_what_stands_out_of_the_plane():
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0, 40, 0.25), np.arange(0, 40, 0.25)))
+    slope = np.column_stack([x, y, 0.3 * x - 0.1 * y])
+    # its own slope within a cell is not relief: cells have their middle's depth
+    assert relief.relief_m(slope) == pytest.approx((0.0, 0.0), abs=1e-9)
+    waves = slope + np.column_stack([0 * x, 0 * y, 0.5 * np.sin(x)])
+    range_m, std_m = relief.relief_m(waves)
+    # a sine's, less what is lost by means over 1 m
+    assert 0.9 < range_m <= 1.0 and std_m == pytest.approx(0.5 / np.sqrt(2), rel=0.06)
 
 
 def test_figures_show_every_seed_and_the_medians():
