@@ -1,23 +1,29 @@
 #!/usr/bin/env bash
 # Installs what is missing of tools/packages.txt and builds the package, Release, into build/.
 # Idempotent: a second run takes seconds. With --test or --bench also what only the tests or the
-# benchmarks need from PyPI. Other arguments go to cmake, e.g. -DRBPF_NATIVE=ON.
+# benchmarks need from PyPI, with --fuzz tools/packages-fuzz.txt. Other arguments go to cmake, e.g.
+# -DRBPF_NATIVE=ON.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH=/usr/bin:/bin:$PATH
 
 test=false
 bench=false
+lists=(tools/packages.txt)
 case ${1:-} in
   --test) test=true ;;
   --bench) bench=true ;;
+  --fuzz)
+    lists+=(tools/packages-fuzz.txt)
+    shift
+    ;;
 esac
 if $test || $bench; then
   shift
   set -- -DRBPF_BENCH=ON "$@"
 fi
 
-mapfile -t packages < <(grep -v '^#' tools/packages.txt)
+mapfile -t packages < <(grep -hv '^#' "${lists[@]}")
 missing=()
 for package in "${packages[@]}"; do
   [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] ||

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "gmrf/cell.hpp"
 #include "gmrf/hash.hpp"
 
 namespace gmrf {
@@ -59,6 +60,17 @@ class Reader {
   std::size_t position_ = 0;
 };
 
+std::string text(const TileHeader& tile) {
+  return "tile (" + std::to_string(tile.i) + ", " + std::to_string(tile.j) + ")";
+}
+
+// Where cells are, so that no number of a node overflows.
+void expectOnGrid(const TileHeader& tile) {
+  constexpr double kFarthestTile = kFarthestNode / Tile::kCells;
+  if (std::abs(1.0 * tile.i) <= kFarthestTile && std::abs(1.0 * tile.j) <= kFarthestTile) return;
+  refuse("hold " + text(tile) + "; expected tiles near the survey");
+}
+
 void expectFinite(const Tile& tile) {
   for (const NodeSums& node : tile.nodes) {
     const float sum = node.self + node.along_j + node.along_i + node.along_both +
@@ -108,6 +120,7 @@ Map fromBytes(const std::string& bytes, TilePool* pool) {
   for (std::uint64_t t = 0; t < header.tiles; ++t) {
     TileHeader tile_header;
     reader.take(&tile_header);
+    expectOnGrid(tile_header);
     std::shared_ptr<const Tile> tile = pool->find(tile_header.hash);
     if (tile_header.included != 0) {
       const auto received = std::make_shared<Tile>();
@@ -116,8 +129,7 @@ Map fromBytes(const std::string& bytes, TilePool* pool) {
       if (tile == nullptr) tile = received;
     }
     if (tile == nullptr) {
-      refuse("lack tile (" + std::to_string(tile_header.i) + ", " + std::to_string(tile_header.j) +
-             "), which this node does not have either");
+      refuse("lack " + text(tile_header) + ", which this node does not have either");
     }
     if (tile->contentHash() != tile_header.hash) refuse("hold a tile that is not the one named");
     pool->add(tile);

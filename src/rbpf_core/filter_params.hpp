@@ -11,8 +11,10 @@
 
 namespace rbpf_core {
 
+constexpr std::size_t kMostParticles = 100000;
+
 struct FilterParams {
-  // J
+  // J, 1 to kMostParticles
   std::size_t particles = 40;
   // Of every random number.
   std::uint64_t seed = 1;

@@ -125,7 +125,8 @@ rbpf_core::PingFilterParams pingFilter(ParameterReader& reader) {
 
 rbpf_core::FilterParams filter(ParameterReader& reader) {
   rbpf_core::FilterParams params;
-  params.particles = static_cast<std::size_t>(reader.integer("particles", 1, 100000));
+  params.particles =
+      static_cast<std::size_t>(reader.integer("particles", 1, rbpf_core::kMostParticles));
   params.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2147483647));
   params.start_pose = startPose(reader);
   params.start_position_std_m = reader.number("start/position_std_m", 0.0, kFarthest_m);

@@ -206,14 +206,16 @@ class ChanceSurvey {
   double now_s_ = 100.0;
 };
 
-// A folder of its own for each test.
-class JournalTest : public testing::Test {
- protected:
-  JournalTest() {
+// A folder of its own for journals, as long as it lives.
+class JournalFolder {
+ public:
+  JournalFolder() {
     std::string name = (std::filesystem::temp_directory_path() / "journal.XXXXXX").string();
     folder_ = mkdtemp(name.data());
   }
-  ~JournalTest() override { std::filesystem::remove_all(folder_); }
+  ~JournalFolder() { std::filesystem::remove_all(folder_); }
+  JournalFolder(const JournalFolder&) = delete;
+  JournalFolder& operator=(const JournalFolder&) = delete;
 
   std::string path(const std::string& name = "survey.journal") const {
     return (folder_ / name).string();
@@ -230,5 +232,7 @@ class JournalTest : public testing::Test {
  private:
   std::filesystem::path folder_;
 };
+
+class JournalTest : public testing::Test, protected JournalFolder {};
 
 }  // namespace rbpf_core

@@ -3,9 +3,7 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 #include <cstdint>
-#include <cstdlib>
 #include <random>
 #include <vector>
 
@@ -63,15 +61,5 @@ class Mutations {
 
   std::mt19937 random_;
 };
-
-// Calls with one seed after the other: so many, or for RBPF_FUZZ_S seconds.
-template <typename Call>
-void forManySeeds(std::uint32_t count, const Call& call) {
-  using Clock = std::chrono::steady_clock;
-  const char* const wanted_s = std::getenv("RBPF_FUZZ_S");
-  const Clock::time_point end =
-      Clock::now() + std::chrono::seconds(wanted_s == nullptr ? 0 : std::atol(wanted_s));
-  for (std::uint32_t seed = 0; seed < count || Clock::now() < end; ++seed) call(seed);
-}
 
 }  // namespace rbpf_core

@@ -240,6 +240,10 @@ TEST(FilterSettings, AreReadBackAsTheyWere) {
   EXPECT_EQ(paramsOf(settings).start_pose->yaw_rad, 1.0 / 3.0);
   EXPECT_EQ(paramsOf(settingsOf(FilterParams{})).start_pose, std::nullopt);
   EXPECT_THROW(paramsOf({"particles 5\n"}), std::runtime_error);
+  const std::string rest = settings.text.substr(settings.text.find('\n'));
+  for (const char* wrong : {"0", "-1", "100001", "99999999999999999999"}) {
+    EXPECT_THROW(paramsOf({std::string("particles ") + wrong + rest}), std::runtime_error) << wrong;
+  }
 }
 
 // ---- changes as bytes ----------------------------------------------------------------------

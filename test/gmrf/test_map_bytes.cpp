@@ -4,36 +4,11 @@
 #include <limits>
 #include <stdexcept>
 
-#include "dense_field.hpp"
-#include "gmrf/hash.hpp"
-#include "gmrf/map_bytes.hpp"
+#include "../core/mutations.hpp"
+#include "map_of_bytes.hpp"
 
 namespace gmrf {
 namespace {
-
-// Where things are in the bytes: see toBytes.
-constexpr std::size_t kHeader = 32;
-constexpr std::size_t kTileHeader = 24;
-constexpr std::size_t kTile = kTileHeader + sizeof(Tile::nodes);
-constexpr std::size_t kHash = 8;
-
-double slope(double x_m, double y_m) { return -30.0 + 0.05 * x_m - 0.02 * y_m; }
-
-// A map of 2 x 2 tiles, one of which begins at node (0, 0).
-Map smallMap() {
-  Points places = evenPoints(400, 30.0, 25.0, 1);
-  places.array() -= 11.0;
-  const Beams beams = beamsOn(slope, places, 0.1, 2);
-  Map map(1.5, -29.0);
-  map.fold(beams, fullWeights(beams));
-  return map;
-}
-
-std::string wholeBytes(Map* map) {
-  KnownTiles known;
-  TilePool pool;
-  return toBytes(*map, &known, &pool);
-}
 
 // What fromBytes says against the bytes, to a node without tiles; empty: nothing.
 std::string complaint(const std::string& bytes) {
@@ -54,9 +29,7 @@ bool contains(const std::string& text, const std::string& part) {
 template <typename Value>
 std::string forged(std::string bytes, std::size_t at, Value value) {
   std::memcpy(bytes.data() + at, &value, sizeof(value));
-  bytes.resize(bytes.size() - kHash);
-  const std::uint64_t hash = hashOf(bytes.data(), bytes.size());
-  return bytes.append(reinterpret_cast<const char*>(&hash), sizeof(hash));
+  return withRightEnd(std::move(bytes));
 }
 
 // ---- whole maps --------------------------------------------------------------------------------
@@ -160,6 +133,8 @@ TEST(MapBytes, AreRefusedWithAbsurdContent) {
   EXPECT_NE(complaint(forged(bytes, 24, std::uint64_t{3})), "") << "tiles too many";
   EXPECT_NE(complaint(forged(bytes, 24, ~std::uint64_t{0})), "");
   EXPECT_TRUE(contains(complaint(forged(bytes, kHeader, std::int32_t{7})), "out of order"));
+  EXPECT_TRUE(contains(complaint(forged(bytes, kHeader, -std::int32_t{6'250'001})), "near the"));
+  EXPECT_EQ(complaint(forged(bytes, kHeader, -std::int32_t{6'250'000})), "") << "cellOf's farthest";
   for (std::size_t k = 0; k < 6; ++k) {
     const std::size_t sum = kHeader + 2 * kTile + kTileHeader + 4 * (6 * 40 + k);
     for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
@@ -167,6 +142,20 @@ TEST(MapBytes, AreRefusedWithAbsurdContent) {
     }
     EXPECT_TRUE(contains(complaint(forged(bytes, sum, 7.0F)), "not the one named")) << k;
   }
+}
+
+// Hashes are right.
+TEST(MapBytes, OfDamagedContentAreAMapOrRefused) {
+  Map map = smallMap();
+  const std::string whole = wholeBytes(&map);
+  const std::vector<std::uint8_t> bytes(whole.begin(), whole.end());
+  std::size_t maps = 0;
+  for (std::uint32_t seed = 0; seed < 1000; ++seed) {
+    const std::vector<std::uint8_t> damaged = rbpf_core::Mutations(seed).of(bytes);
+    if (isMap(withRightHashes({damaged.begin(), damaged.end()}))) ++maps;
+  }
+  EXPECT_GT(maps, 200U);
+  EXPECT_LT(maps, 800U);
 }
 
 // ---- maps between nodes that have tiles in common ----------------------------------------------

@@ -5,6 +5,7 @@ RBPF_FUZZ_S seconds of each, in place of its own share: tools/fuzz.sh.
 
 import io
 import os
+import resource
 import time
 
 import numpy as np
@@ -29,6 +30,10 @@ TELLING = (
 )
 
 
+def peak_mb():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
 def seeds(count):
     """So many, or those of RBPF_FUZZ_S seconds."""
     end_s = time.monotonic() + float(os.environ.get("RBPF_FUZZ_S", 0.0))
@@ -36,6 +41,7 @@ def seeds(count):
     while seed < count or time.monotonic() < end_s:
         yield seed
         seed += 1
+    print(f"{seed} damaged ones tried, at most {peak_mb():.0f} MB")
 
 
 def mutated(data, rng):

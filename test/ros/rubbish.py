@@ -1,10 +1,21 @@
 """What a stranger may send to running nodes, for tests of what becomes of it."""
 
 import io
+import os
+import time
 
 import rospy
 
 NUMBERS = (0, 1, 2, 3, 7, 1000, 2**31, 2**32 - 1)
+
+
+def rounds(count):
+    """So many of them, or those of RBPF_FUZZ_S seconds: tools/fuzz.sh."""
+    end_s = time.monotonic() + float(os.environ.get("RBPF_FUZZ_S", 0.0))
+    done = 0
+    while done < count or time.monotonic() < end_s:
+        yield done
+        done += 1
 
 
 def mutated(data, rng):

@@ -137,6 +137,10 @@ FilterParams paramsOf(const FilterSettings& settings) {
   FilterParams params;
   const std::map<std::string, std::string> values = valuesOf(settings);
   forEach(params, Read{values});
+  if (params.particles < 1 || params.particles > kMostParticles) {
+    throw std::runtime_error("particles is " + values.at("particles") + ", expected 1 to " +
+                             std::to_string(kMostParticles));
+  }
   return params;
 }
 

@@ -12,8 +12,8 @@ namespace rbpf_core {
 // config/default.yaml.
 FilterSettings settingsOf(const FilterParams& params);
 
-// The other way round. Throws std::runtime_error that names a parameter that is missing or no
-// value.
+// The other way round. Throws std::runtime_error that names a parameter that is missing, no
+// value, or more particles than there can be.
 FilterParams paramsOf(const FilterSettings& settings);
 
 // Throws std::runtime_error that names every parameter that differs, and both values: what the
