@@ -101,7 +101,9 @@ PingInput fromPointCloud2(const PointCloud2& message) {
   PingInput input = pingOf(message.header);
   input.beams_m.resize(3, static_cast<Eigen::Index>(message.width) * message.height);
   Eigen::Index beam = 0;
-  for (std::size_t row = 0; row < message.height; ++row) {
+  // rows without a point have no bytes, and can be four billion: only an optimiser passes over them
+  const std::size_t rows = message.width == 0 ? 0 : message.height;
+  for (std::size_t row = 0; row < rows; ++row) {
     const std::uint8_t* point = message.data.data() + row * row_step;
     for (std::size_t i = 0; i < message.width; ++i, point += message.point_step) {
       input.beams_m.col(beam++) << x.of(point), y.of(point), z.of(point);
