@@ -40,7 +40,7 @@ guided() {
   build || return 1
   mkdir -p "$fuzz/corpus/$1" $fuzz/crashes
   env -u LD_LIBRARY_PATH "$programs/fuzz_$1" "$fuzz/corpus/$1" "$fuzz/seeds/$1" \
-    -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -malloc_limit_mb=512 \
+    -max_total_time="$seconds" -timeout=60 -rss_limit_mb=2048 -malloc_limit_mb=512 \
     -use_value_profile=1 -print_final_stats=1 -artifact_prefix="$fuzz/crashes/$1-" \
     >"$fuzz/$1.log" 2>&1 || ended=$?
   echo "$1: $(last "$1" '.*number_of_executed_units: *([0-9]+)') executed," \
@@ -58,7 +58,7 @@ files() {
 }
 
 node() {
-  local results=$ROOT/$fuzz/results
+  local results=$ROOT/$fuzz/results/$1
   rm -rf "$results"
   RBPF_FUZZ_S=$seconds rostest --results-base-dir="$results" "test/ros/$1.test" \
     >"$fuzz/$1.log" 2>&1 || { tail -n 60 "$fuzz/$1.log"; return 1; }

@@ -70,8 +70,8 @@ def odometry(stamp_s):
 
 
 def ping(stamp_s, frame="mbes"):
-    """Every beam of the survey at a depth of its own."""
-    depths_m = 20 + np.arange(BEAMS) / 16 + stamp_s / 2
+    """Every beam of a survey of 15 minutes at a depth of its own, within range."""
+    depths_m = 20 + np.arange(BEAMS) / 16 + stamp_s % 900 / 2
     header = Header(stamp=rospy.Time(stamp_s), frame_id=frame)
     beams = [(0.0, float(i), -depth_m) for i, depth_m in enumerate(depths_m)]
     return point_cloud2.create_cloud_xyz32(header, beams)
