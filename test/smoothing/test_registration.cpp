@@ -207,6 +207,29 @@ TEST(Registration, RefusesAPlaceThatIsNotExpected) {
   EXPECT_NE(r.verdict, Verdict::kAccepted);
 }
 
+// By five standard deviations, as after a current that nobody knows of.
+TEST(Registration, TakesAPlaceOffTheExpectedOneIfItIsTheOnlyOneFarAround) {
+  const Seabed seabed = Seabed::relief(1.0, 5);
+  Pose2 far = kTruth;
+  far.x_m += 2.0;
+  const Registration r =
+      registerWindow(mapOn(seabed, 1), windowOn(seabed, kTruth, 1), expectedAt(far, 0.4, 0.01), {});
+  EXPECT_STREQ(nameOf(r.verdict), "accepted");
+  EXPECT_NEAR(r.found.pose.x_m, kTruth.x_m, 0.3);
+  EXPECT_NEAR(r.found.pose.y_m, kTruth.y_m, 0.3);
+}
+
+TEST(Registration, DoesNotTakeARippleOffTheExpectedPlace) {
+  const Seabed ripples = Seabed::ripples(10.0, 0.4);
+  for (const double off_m : {-4.6, 4.6}) {
+    Pose2 far = kTruth;
+    far.x_m += off_m;
+    const Registration r = registerWindow(mapOn(ripples, 1), windowOn(ripples, kTruth, 1),
+                                          expectedAt(far, 1.0, 0.01), {});
+    EXPECT_STREQ(nameOf(r.verdict), "ambiguous") << off_m;
+  }
+}
+
 TEST(Registration, RefusesLittleOverlap) {
   const Seabed seabed = Seabed::relief(1.0, 5);
   for (const double aside_m : {34.0, 60.0}) {

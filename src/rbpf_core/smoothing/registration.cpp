@@ -33,6 +33,7 @@ constexpr double kLeastShare = 0.25;
 constexpr double kLeastBeams = 100;
 // RMS of the beams over the map's own noise.
 constexpr double kWorstFit = 2.5;
+constexpr double kGoodFit = 1.5;
 // Floors of a closure's standard deviations, m and rad.
 constexpr double kLeastStd_m = 0.05;
 constexpr double kLeastStd_rad = 0.003;
@@ -44,6 +45,8 @@ constexpr double kRuledOut = 5.0;
 // from where it was expected, chi-squared of 3 at 0.999.
 constexpr double kSame = 16.0;
 constexpr double kUnexpected = 16.27;
+// Standard deviations of the wider search, over those of what was expected.
+constexpr double kWider = 3.0;
 
 Eigen::Vector3d difference(const Pose2& a, const Pose2& b) {
   return {a.x_m - b.x_m, a.y_m - b.y_m, wrapAngle(a.yaw_rad - b.yaw_rad)};
@@ -63,6 +66,11 @@ class Registrar {
         expected_(expected),
         params_(params),
         scale2_(kDegreesOfFreedom * map.noise_std_m() * map.noise_std_m()) {}
+
+  bool isExpected(const UncertainPose& found) const {
+    return squaredDistance(difference(found.pose, expected_.pose),
+                           expected_.covariance + found.covariance) < kUnexpected;
+  }
 
   Registration run() const {
     Registration result;
@@ -152,9 +160,7 @@ class Registrar {
       const bool same = squaredDistance(d, best.found.covariance) < kSame;
       if (!same && other.cost < best.cost + kRuledOut) return Verdict::kAmbiguous;
     }
-    const double unexpected = squaredDistance(difference(best.found.pose, expected_.pose),
-                                              expected_.covariance + best.found.covariance);
-    return unexpected > kUnexpected ? Verdict::kAmbiguous : Verdict::kAccepted;
+    return isExpected(best.found) ? Verdict::kAccepted : Verdict::kAmbiguous;
   }
 
   // Minima of the mean cost on a grid around where the window is expected, the best ones first.
@@ -393,7 +399,17 @@ const char* nameOf(Verdict verdict) {
 
 Registration registerWindow(const LocalMap& map, const WindowOfPings& window,
                             const UncertainPose& expected, const RegistrationParams& params) {
-  return Registrar(map, window, expected, params).run();
+  const Registrar registrar(map, window, expected, params);
+  Registration result = registrar.run();
+  if (result.verdict != Verdict::kAmbiguous || registrar.isExpected(result.found)) return result;
+  // The odometry may be worse than it is said to be: a current, say. What lies so far off must fit
+  // well, and be the only such place in a wider search.
+  const UncertainPose wider{expected.pose, kWider * kWider * expected.covariance};
+  result = Registrar(map, window, wider, params).run();
+  if (result.verdict == Verdict::kAccepted && result.rms_m > kGoodFit * map.noise_std_m()) {
+    result.verdict = Verdict::kAmbiguous;
+  }
+  return result;
 }
 
 }  // namespace rbpf_core::smoothing
