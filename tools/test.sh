@@ -54,31 +54,25 @@ run_rostest() {
   env --default-signal=INT rostest --results-base-dir="$results" --results-filename="$1.xml" \
     "test/ros/$1.test"
 }
-# What an offline replay gives does not depend on what the machine does meanwhile, and all wait as
+# What an offline replay gives does not depend on what the machine does meanwhile, and both wait as
 # long as they compute. rostest gives each a master of its own.
-offline_and_inputs() {
-  local passed=true
-  run_rostest offline || passed=false
-  run_rostest inputs || passed=false
-  $passed
-}
-surveys_beside_others() {
-  local others passed=true
-  offline_and_inputs >"$results/offline_and_inputs.log" 2>&1 &
-  others=$!
+surveys_beside_offline() {
+  local offline passed=true
+  run_rostest offline >"$results/offline.log" 2>&1 &
+  offline=$!
   run_rostest surveys || passed=false
-  wait "$others" || passed=false
-  cat "$results/offline_and_inputs.log"
+  wait "$offline" || passed=false
+  cat "$results/offline.log"
   $passed
 }
 for file in test/ros/*.test; do
   name=$(basename "$file" .test)
   case $name in
-    inputs | offline | surveys) ;;
+    offline | surveys) ;;
     *) step "rostest $name" run_rostest "$name" ;;
   esac
 done
-step "rostest surveys; offline, inputs" surveys_beside_others
+step "rostest surveys, offline" surveys_beside_offline
 
 end_of_behind() {
   local passed=true
