@@ -61,23 +61,23 @@ def _errors(group: list[Row]) -> Row:
         "final, m": _median(group, "ate_rmse_m"),
         "aligned, m": _median(group, "ate_aligned_rmse_m"),
         "ideal aligned, m": _median(group, "ideal_ate_aligned_rmse_m"),
-        "online over ideal": _of(_ratios(group, "online_ate_rmse_m", "ideal_online_ate_rmse_m")),
-        "final over ideal": _of(_ratios(group, "ate_rmse_m", "ideal_ate_rmse_m")),
-        "worst online over DR": _of(_ratios(group, "online_ate_rmse_m", "dr_ate_rmse_m"), max),
-        "worst final over DR": _of(_ratios(group, "ate_rmse_m", "dr_ate_rmse_m"), max),
+        "online over ideal": of_known(
+            _ratios(group, "online_ate_rmse_m", "ideal_online_ate_rmse_m")
+        ),
+        "final over ideal": of_known(_ratios(group, "ate_rmse_m", "ideal_ate_rmse_m")),
+        "worst online over DR": of_known(_ratios(group, "online_ate_rmse_m", "dr_ate_rmse_m"), max),
+        "worst final over DR": of_known(_ratios(group, "ate_rmse_m", "dr_ate_rmse_m"), max),
     }
 
 
 def _honesty(group: list[Row]) -> Row:
-    accepted = sum(row["closures_accepted"] or 0 for row in group)
-    wrong = sum(row["closures_wrong"] or 0 for row in group)
     return {
         "online NEES": _median(group, "online_nees"),
         "NEES": _median(group, "nees"),
         "closures": _median(group, "closures_accepted"),
         "refused": _median(group, "closures_refused"),
-        "wrong, %": 100.0 * wrong / accepted if accepted else None,
-        "prompts that resample": _of(_ratios(group, "resamplings", "loop_closure_prompts")),
+        "wrong, %": wrong_percent(group),
+        "prompts that resample": of_known(_ratios(group, "resamplings", "loop_closure_prompts")),
         "founders left": _median(group, "founders"),
         "seabed, m": _median(group, "seabed_rmse_m"),
         "1 m grid, m": _median(group, "grid_rmse_m"),
@@ -85,13 +85,21 @@ def _honesty(group: list[Row]) -> Row:
     }
 
 
-def _of(values: list[Any], measure: Callable[[Any], Any] = np.median) -> float | None:
+def of_known(values: Iterable[Any], measure: Callable[[Any], Any] = np.median) -> float | None:
+    """A measure of those values that are known; None if none is."""
     known = [value for value in values if value is not None and np.isfinite(value)]
     return float(measure(known)) if known else None
 
 
+def wrong_percent(group: list[Row]) -> float | None:
+    """Of all accepted closures; None if there are none."""
+    accepted = sum(row["closures_accepted"] or 0 for row in group)
+    wrong = sum(row["closures_wrong"] or 0 for row in group)
+    return 100.0 * wrong / accepted if accepted else None
+
+
 def _median(group: list[Row], name: str) -> float | None:
-    return _of([row[name] for row in group])
+    return of_known([row[name] for row in group])
 
 
 def _ratios(group: list[Row], name: str, other: str) -> list[float]:

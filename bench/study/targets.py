@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Iterable
 
-import numpy as np
-
 from bench.peers.peer_runs import PEERS
 from bench.study.cases import cases
 from bench.study.replays import ratio
+from bench.study.tables import of_known, wrong_percent
 from bench.svgp.in_process import markdown
 
 Row = dict[str, Any]
@@ -23,33 +22,33 @@ def against_targets(rows: Iterable[Row], contestant: str) -> str:
     mine = [row for row in rows if row["contestant"] == contestant]
     relief = [row for row in mine if cases([row["case"]])[0].seabed not in LITTLE_RELIEF]
     accepted = sum(row["closures_accepted"] or 0 for row in mine)
-    wrong = sum(row["closures_wrong"] or 0 for row in mine)
-    resampling = _known(ratio(row, "resamplings", "loop_closure_prompts") for row in mine)
     shown: list[tuple[str, Any, Any]] = [
         (
             "online over the ideal filter, median of the runs with relief",
             1.3,
-            _median(ratio(row, "online_ate_rmse_m", "ideal_online_ate_rmse_m") for row in relief),
+            of_known(ratio(row, "online_ate_rmse_m", "ideal_online_ate_rmse_m") for row in relief),
         ),
         (
             "final over the ideal smoother, the same",
             1.5,
-            _median(ratio(row, "ate_rmse_m", "ideal_ate_rmse_m") for row in relief),
+            of_known(ratio(row, "ate_rmse_m", "ideal_ate_rmse_m") for row in relief),
         ),
         (
             "that after alignment, which was not aimed at",
             None,
-            _median(ratio(row, "ate_aligned_rmse_m", "ideal_ate_aligned_rmse_m") for row in relief),
+            of_known(
+                ratio(row, "ate_aligned_rmse_m", "ideal_ate_aligned_rmse_m") for row in relief
+            ),
         ),
         ("online over dead reckoning, worst of all runs", 1.1, _worst(mine, "online_ate_rmse_m")),
         ("final over dead reckoning, worst of all runs", 1.1, _worst(mine, "ate_rmse_m")),
-        (f"wrong of {accepted} closures, %", 1.0, 100.0 * wrong / accepted if accepted else None),
+        (f"wrong of {accepted} closures, %", 1.0, wrong_percent(mine)),
         ("online NEES, medians of the cases", "0.5 to 2", _range(mine, "online_nees")),
         ("NEES, medians of the cases", "0.5 to 2", _range(mine, "nees")),
         (
             "prompts that resample, median of all runs",
             0.5,
-            float(np.median(resampling)) if resampling else None,
+            of_known(ratio(row, "resamplings", "loop_closure_prompts") for row in mine),
         ),
     ]
     for label, name in (("online", "online_ate_rmse_m"), ("final", "ate_rmse_m")):
@@ -64,25 +63,17 @@ def against_targets(rows: Iterable[Row], contestant: str) -> str:
     )
 
 
-def _known(values: Iterable[float | None]) -> list[float]:
-    return [value for value in values if value is not None and np.isfinite(value)]
-
-
-def _median(values: Iterable[float | None]) -> float | None:
-    known = _known(values)
-    return float(np.median(known)) if known else None
-
-
 def _worst(rows: list[Row], name: str) -> float | None:
-    return max(_known(ratio(row, name, "dr_ate_rmse_m") for row in rows), default=None)
+    return of_known((ratio(row, name, "dr_ate_rmse_m") for row in rows), max)
 
 
 def _by_case(rows: Iterable[Row], name: str) -> dict[str, float]:
     """The median over the seeds, of the cases that have one."""
-    values: dict[str, list[float]] = {}
+    values: dict[str, list[float | None]] = {}
     for row in rows:
-        values.setdefault(row["case"], []).extend(_known([row[name]]))
-    return {case: float(np.median(known)) for case, known in values.items() if known}
+        values.setdefault(row["case"], []).append(row[name])
+    medians = {case: of_known(of_case) for case, of_case in values.items()}
+    return {case: median for case, median in medians.items() if median is not None}
 
 
 def _range(rows: list[Row], name: str) -> str | None:
@@ -109,7 +100,7 @@ def _over_best_peer(rows: list[Row], contestant: str, name: str) -> tuple[float,
         }
         for case in dict.fromkeys(case for case, _ in theirs):
             common = [key for key in theirs if key[0] == case and key in seeds]
-            ours, other = (_median(of[key] for key in common) for of in (seeds, theirs))
+            ours, other = (of_known(of[key] for key in common) for of in (seeds, theirs))
             if ours is not None and other:
                 worst = max(worst, (ours / other, f"{case}, {peer}"))
     return worst

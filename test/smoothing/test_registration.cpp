@@ -197,23 +197,23 @@ TEST(Registration, RefusesAnotherSeabed) {
   EXPECT_LE(accepted, 2);
 }
 
+// Of a window that is expected so far ahead of where it is.
+Registration registeredOffBy(double off_m, double std_m, const Seabed& seabed) {
+  Pose2 far = kTruth;
+  far.x_m += off_m;
+  return registerWindow(mapOn(seabed, 1), windowOn(seabed, kTruth, 1), expectedAt(far, std_m, 0.01),
+                        {});
+}
+
 // Off the place where it is expected by far more than it may be.
 TEST(Registration, RefusesAPlaceThatIsNotExpected) {
-  const Seabed seabed = Seabed::relief(1.0, 5);
-  Pose2 far = kTruth;
-  far.x_m += 1.5;
-  const Registration r =
-      registerWindow(mapOn(seabed, 1), windowOn(seabed, kTruth, 1), expectedAt(far, 0.1, 0.01), {});
+  const Registration r = registeredOffBy(1.5, 0.1, Seabed::relief(1.0, 5));
   EXPECT_NE(r.verdict, Verdict::kAccepted);
 }
 
 // By five standard deviations, as after a current that nobody knows of.
 TEST(Registration, TakesAPlaceOffTheExpectedOneIfItIsTheOnlyOneFarAround) {
-  const Seabed seabed = Seabed::relief(1.0, 5);
-  Pose2 far = kTruth;
-  far.x_m += 2.0;
-  const Registration r =
-      registerWindow(mapOn(seabed, 1), windowOn(seabed, kTruth, 1), expectedAt(far, 0.4, 0.01), {});
+  const Registration r = registeredOffBy(2.0, 0.4, Seabed::relief(1.0, 5));
   EXPECT_STREQ(nameOf(r.verdict), "accepted");
   EXPECT_NEAR(r.found.pose.x_m, kTruth.x_m, 0.3);
   EXPECT_NEAR(r.found.pose.y_m, kTruth.y_m, 0.3);
@@ -222,10 +222,7 @@ TEST(Registration, TakesAPlaceOffTheExpectedOneIfItIsTheOnlyOneFarAround) {
 TEST(Registration, DoesNotTakeARippleOffTheExpectedPlace) {
   const Seabed ripples = Seabed::ripples(10.0, 0.4);
   for (const double off_m : {-4.6, 4.6}) {
-    Pose2 far = kTruth;
-    far.x_m += off_m;
-    const Registration r = registerWindow(mapOn(ripples, 1), windowOn(ripples, kTruth, 1),
-                                          expectedAt(far, 1.0, 0.01), {});
+    const Registration r = registeredOffBy(off_m, 1.0, ripples);
     EXPECT_STREQ(nameOf(r.verdict), "ambiguous") << off_m;
   }
 }
