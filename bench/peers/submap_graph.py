@@ -27,14 +27,15 @@ def online_track(run: SurveyRun) -> np.ndarray:
     first_beam = np.concatenate([[0], np.cumsum(beams_of_ping)])
     period_s = default_parameters()["smoothing"]["period_s"]
     period = ((run.stamp_s - run.stamp_s[0]) // period_s).astype(int)
-    online, known, bias = dead_reckoning.copy(), dead_reckoning[0], np.zeros(3)
+    online, known, bias = dead_reckoning.copy(), dead_reckoning[0], np.zeros(5)
     step_s = np.diff(run.stamp_s)
     for number in np.unique(period):
         pings = np.flatnonzero(period == number)
         for ping in pings:
             if ping:
                 step = relative_pose(dead_reckoning[[ping - 1]], dead_reckoning[[ping]])[0]
-                known = moved(known, step - bias * step_s[ping - 1])
+                known = moved(known, step - bias[:3] * step_s[ping - 1])
+                known[:2] += bias[3:] * step_s[ping - 1]
             online[ping] = known
         beams = slice(first_beam[pings[0]], first_beam[pings[-1] + 1])
         smoother.add_pings(

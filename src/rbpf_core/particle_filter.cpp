@@ -124,6 +124,8 @@ StampedParticles ParticleFilter::propagate(const StampedParticles& from, const O
   StampedParticles to{odometry, advance(from.dead_reckoning, motion), from.poses};
   for (std::size_t j = 0; j < to.poses.size(); ++j) {
     to.poses[j] = advanceNoisily(from.poses[j], unbiased, params_.motion, motion_streams_[j]);
+    to.poses[j].x_m += bias_.current_x_mps * motion.duration_s;
+    to.poses[j].y_m += bias_.current_y_mps * motion.duration_s;
   }
   return to;
 }

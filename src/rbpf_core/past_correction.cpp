@@ -57,6 +57,7 @@ void expectSound(const PastCorrection& correction) {
   expectFinite(correction.of_rest, "the motion of the rest");
   const MotionBias& bias = correction.bias;
   expectFinite(bias.surge_mps, bias.sway_mps, bias.yaw_radps, "the bias");
+  expectFinite(bias.current_x_mps, bias.current_y_mps, 0.0, "the current");
 }
 
 std::vector<Pose2> motionOfEach(const std::vector<PingMotion>& told) {

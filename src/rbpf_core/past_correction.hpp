@@ -11,11 +11,15 @@
 
 namespace rbpf_core {
 
-// Of the odometry, in the levelled body frame: it measures the true velocity plus this.
+// Of the odometry: in the levelled body frame it measures the true velocity plus the bias, and of
+// that only what the vehicle does through the water, which itself flows with the current.
 struct MotionBias {
   double surge_mps = 0.0;
   double sway_mps = 0.0;
   double yaw_radps = 0.0;
+  // In map.
+  double current_x_mps = 0.0;
+  double current_y_mps = 0.0;
 };
 
 // A rigid motion of the map frame, which takes a pose h to C h, at one of the log's pings.

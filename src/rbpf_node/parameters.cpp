@@ -185,6 +185,7 @@ rbpf_core::smoothing::PastSmoothingParams smoothing(ParameterReader& reader) {
       reader.number("smoothing/velocity_bias_std_mps", 0.0, kFastest_mps);
   smoothing.yaw_bias_std_radps =
       reader.number("smoothing/yaw_bias_std_radps", 0.0, kFastestTurn_radps);
+  smoothing.current_std_mps = reader.number("smoothing/current_std_mps", 0.0, kFastest_mps);
   smoothing.bias_time_s = reader.number("smoothing/bias_time_s", 1.0, kLongest_s);
   rbpf_core::smoothing::RegistrationParams& registration = smoothing.registration;
   registration.window_s = reader.number("smoothing/window_s", 1.0, kLongestWindow_s);

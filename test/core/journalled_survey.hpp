@@ -91,6 +91,7 @@ inline std::string stateOf(const ParticleFilter& of) {
   seen.pose(estimate.dead_reckoning);
   seen.number(filter.past());
   seen.number(filter.bias().surge_mps);
+  seen.number(filter.bias().current_y_mps);
   seen.number(filter.redraws());
   std::vector<std::uint32_t> all(of.params().particles);
   for (std::uint32_t j = 0; j < all.size(); ++j) all[j] = j;
@@ -185,7 +186,7 @@ class ChanceSurvey {
         correction.of_pings.push_back({i, {uniform(-1, 1), uniform(-1, 1), uniform(-0.01, 0.01)}});
       }
       correction.of_rest = {0.3, -0.2, 0.001};
-      correction.bias = {0.01, 0.0, 0.0001};
+      correction.bias = {0.01, 0.0, 0.0001, 0.02, -0.01};
       correction.redraws = snapshot.redraws();
       correction.maps_follow = chance(0.5);
       filter->correctPast(correction);

@@ -193,8 +193,8 @@ TEST_F(Journal, IsNotResumedIfTheFileIsNone) {
             std::string::npos);
   write(path("later"), std::string("RBPFJRNL\x07\0\0\0 and so on", 22));
   const std::string problem = problemOf(path("later"), journalledParams());
-  EXPECT_NE(problem.find("format version 7, expected 3"), std::string::npos) << problem;
-  write(path("empty"), std::string("RBPFJRNL\x03\0\0\0", 12));
+  EXPECT_NE(problem.find("format version 7, expected 4"), std::string::npos) << problem;
+  write(path("empty"), std::string("RBPFJRNL\x04\0\0\0", 12));
   EXPECT_NE(problemOf(path("empty"), journalledParams()).find("no whole record"),
             std::string::npos);
 }

@@ -136,6 +136,26 @@ TEST(ParticleFilterCorrections, TakeTheBiasOffTheParticlesMotionOnly) {
             1.0);
 }
 
+// Whatever way the vehicle heads, the water carries it along.
+TEST(ParticleFilterCorrections, CarryTheParticlesWithTheCurrent) {
+  ParticleFilter filter(quietParams());
+  ParticleFilter still(quietParams());
+  for (ParticleFilter* each : {&filter, &still}) each->addOdometry(turning(0.0));
+  PastCorrection correction;
+  correction.bias.current_x_mps = 0.3;
+  correction.bias.current_y_mps = -0.2;
+  filter.correctPast(correction);
+  for (int k = 1; k < 100; ++k) {
+    for (ParticleFilter* each : {&filter, &still}) each->addOdometry(turning(0.2 * k));
+  }
+  Pose2 expected = still.snapshot().particles()[0];
+  expected.x_m += 0.3 * 19.8;
+  expected.y_m -= 0.2 * 19.8;
+  expectNear(filter.snapshot().particles()[0], expected, 1e-9);
+  EXPECT_EQ(filter.snapshot().estimate().dead_reckoning,
+            still.snapshot().estimate().dead_reckoning);
+}
+
 TEST(ParticleFilterCorrections, AreRefusedWithAReasonAndWithoutEffect) {
   ParticleFilter filter(noisyParams(3));
   sail(filter, turning, 0, 5);

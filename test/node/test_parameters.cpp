@@ -142,8 +142,9 @@ Fields fieldsOf(const Frames& frames) {
 
 Fields fieldsOf(const rbpf_core::smoothing::PastSmoothingParams& params) {
   const auto& [period_s, min_change_m, map_tolerance_m, smoothing] = params;
-  const auto& [velocity_bias_std_mps, yaw_bias_std_radps, bias_time_s] = std::tie(
-      smoothing.velocity_bias_std_mps, smoothing.yaw_bias_std_radps, smoothing.bias_time_s);
+  const auto& [velocity_bias_std_mps, yaw_bias_std_radps, current_std_mps, bias_time_s] =
+      std::tie(smoothing.velocity_bias_std_mps, smoothing.yaw_bias_std_radps,
+               smoothing.current_std_mps, smoothing.bias_time_s);
   const auto& [node_period_s, window_s, map_window_s, min_apart_s, passes, effective_beams,
                max_search_m] = smoothing.registration;
   return {FIELD(period_s),
@@ -152,6 +153,7 @@ Fields fieldsOf(const rbpf_core::smoothing::PastSmoothingParams& params) {
           FIELD(bias_time_s),
           FIELD(velocity_bias_std_mps),
           FIELD(yaw_bias_std_radps),
+          FIELD(current_std_mps),
           FIELD(window_s),
           FIELD(node_period_s),
           FIELD(map_window_s),

@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -34,8 +35,9 @@ struct GivenTrack {
   std::vector<GivenFix> fixes;
 };
 
-// Unknown are x, y, yaw of every node, then surge, sway and yaw rate of every bias, one for each
-// started minute: iterated to convergence with weights 1 / (1 + chi^2 / 6) of closures and fixes.
+// Unknown are x, y, yaw of every node, then surge, sway, yaw rate and current of every bias, one
+// for each started minute: iterated to convergence with weights 1 / (1 + chi^2 / 6) of closures and
+// fixes.
 class DenseGraph {
  public:
   DenseGraph(const SmoothingParams& params, const GivenTrack& given)
@@ -51,7 +53,8 @@ class DenseGraph {
       poses.push_back(compose(poses.back(), given.moved[i]));
       whitenings_.push_back(whitening(i));
     }
-    x_ = Eigen::VectorXd::Zero(3 * static_cast<Eigen::Index>(poses.size() + bias_stamps_s_.size()));
+    x_ = Eigen::VectorXd::Zero(
+        static_cast<Eigen::Index>(3 * poses.size() + 5 * bias_stamps_s_.size()));
     for (std::size_t i = 0; i < poses.size(); ++i) {
       x_.segment<3>(3 * static_cast<Eigen::Index>(i)) << poses[i].x_m, poses[i].y_m,
           poses[i].yaw_rad;
@@ -72,7 +75,7 @@ class DenseGraph {
     const Eigen::Vector3d x = x_.segment<3>(3 * static_cast<Eigen::Index>(i));
     return {x(0), x(1), wrapAngle(x(2))};
   }
-  Eigen::Vector3d biasAt(std::size_t i) const { return x_.segment<3>(firstOfBias(bias_of_[i])); }
+  Eigen::VectorXd biasAt(std::size_t i) const { return x_.segment<5>(firstOfBias(bias_of_[i])); }
   double weightOfClosure(std::size_t closure) const { return weights_[closure]; }
   double weightOfFix(std::size_t fix) const { return weights_[given_.closures.size() + fix]; }
 
@@ -99,7 +102,7 @@ class DenseGraph {
   static constexpr double kStep = 1e-5;
 
   Eigen::Index firstOfBias(std::size_t bias) const {
-    return 3 * static_cast<Eigen::Index>(given_.stamps_s.size() + bias);
+    return static_cast<Eigen::Index>(3 * given_.stamps_s.size() + 5 * bias);
   }
 
   Eigen::Vector3d relativeOf(const Eigen::VectorXd& x, std::size_t k, std::size_t j) const {
@@ -143,23 +146,26 @@ class DenseGraph {
     for (std::size_t i = 0; i < given_.moved.size(); ++i) {
       const double t = given_.stamps_s[i + 1] - given_.stamps_s[i];
       const Pose2& moved = given_.moved[i];
-      const Eigen::Vector3d bias = t * x.segment<3>(firstOfBias(bias_of_[i + 1]));
+      const Eigen::VectorXd bias = t * x.segment<5>(firstOfBias(bias_of_[i + 1]));
       const double c = std::cos(moved.yaw_rad / 2.0);
       const double s = std::sin(moved.yaw_rad / 2.0);
       Eigen::Vector3d e = relativeOf(x, i, i + 1);
       e -= Eigen::Vector3d(moved.x_m - c * bias(0) + s * bias(1),
                            moved.y_m - s * bias(0) - c * bias(1), moved.yaw_rad - bias(2));
+      const double yaw = x(3 * static_cast<Eigen::Index>(i) + 2);
+      e.head<2>() -= Eigen::Rotation2Dd(-yaw) * bias.tail<2>();
       e(2) = wrapAngle(e(2));
       r.push_back(whitenings_[i] * e);
     }
-    const Eigen::Vector3d std(params_.velocity_bias_std_mps, params_.velocity_bias_std_mps,
-                              params_.yaw_bias_std_radps);
+    Eigen::VectorXd std(5);
+    std << params_.velocity_bias_std_mps, params_.velocity_bias_std_mps, params_.yaw_bias_std_radps,
+        params_.current_std_mps, params_.current_std_mps;
     for (std::size_t b = 0; b < bias_stamps_s_.size(); ++b) {
-      Eigen::Vector3d change = x.segment<3>(firstOfBias(b));
+      Eigen::VectorXd change = x.segment<5>(firstOfBias(b));
       double kept = 0.0;
       if (b > 0) {
         kept = std::exp(-(bias_stamps_s_[b] - bias_stamps_s_[b - 1]) / params_.bias_time_s);
-        change -= kept * x.segment<3>(firstOfBias(b - 1));
+        change -= kept * x.segment<5>(firstOfBias(b - 1));
       }
       r.push_back(change.cwiseQuotient(std) / std::sqrt(1.0 - kept * kept));
     }

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -31,37 +32,42 @@ TEST(PoseGraph, WithoutClosuresIsDeadReckoning) {
   EXPECT_LT(std::abs(graph.bias().surge_mps) + std::abs(graph.bias().yaw_radps), 1e-12);
 }
 
+using BiasVector = Eigen::Matrix<double, 5, 1>;  // as DenseGraph has them
+
 // The ways that the motion model's particles go, in steps of a fifth of a second, with biases.
 Eigen::MatrixXd sampledEnds(const SmoothingParams& params, const std::vector<double>& turns_rad,
                             Eigen::Index samples) {
   constexpr double kStep_s = 0.2;
   constexpr int kSteps = 10;  // between nodes
   const double kept = std::exp(-60.0 / params.bias_time_s);
-  const Eigen::Vector3d bias_std(params.velocity_bias_std_mps, params.velocity_bias_std_mps,
-                                 params.yaw_bias_std_radps);
+  BiasVector bias_std;
+  bias_std << params.velocity_bias_std_mps, params.velocity_bias_std_mps, params.yaw_bias_std_radps,
+      params.current_std_mps, params.current_std_mps;
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
-  const auto drawn = [&] {
-    return Eigen::Vector3d(normal(random), normal(random), normal(random));
+  const auto drawn = [&](Eigen::Index numbers) {
+    return Eigen::VectorXd::NullaryExpr(numbers, [&] { return normal(random); });
   };
   Eigen::MatrixXd ends(samples, 3);
   for (Eigen::Index sample = 0; sample < samples; ++sample) {
     RandomStream stream(static_cast<std::uint64_t>(sample));
-    const Eigen::Vector3d start = drawn().cwiseProduct(Eigen::Vector3d(
+    const Eigen::Vector3d start = drawn(3).cwiseProduct(Eigen::Vector3d(
         params.start_position_std_m, params.start_position_std_m, params.start_yaw_std_rad));
     Pose2 pose{start.x(), start.y(), start.z()};
-    Eigen::Vector3d bias = drawn().cwiseProduct(bias_std);
+    BiasVector bias = drawn(5).cwiseProduct(bias_std);
     double stamp_s = 0.0;
     double bias_stamp_s = 0.0;
     for (const double turn_rad : turns_rad) {
       if (stamp_s - bias_stamp_s >= 60.0 - 1e-9) {
-        bias = kept * bias + std::sqrt(1.0 - kept * kept) * drawn().cwiseProduct(bias_std);
+        bias = kept * bias + std::sqrt(1.0 - kept * kept) * drawn(5).cwiseProduct(bias_std);
         bias_stamp_s = stamp_s;
       }
       for (int step = 0; step < kSteps; ++step) {
         const MotionIncrement motion{kStep_s, (1.5 - bias(0)) * kStep_s, -bias(1) * kStep_s,
                                      turn_rad / kSteps - bias(2) * kStep_s};
         pose = advanceNoisily(pose, motion, params.motion, stream);
+        pose.x_m += bias(3) * kStep_s;
+        pose.y_m += bias(4) * kStep_s;
       }
       stamp_s += 2.0;
     }
@@ -75,6 +81,7 @@ TEST(PoseGraph, KnowsAsMuchOfAChainAsTheMotionModelDoes) {
   params.motion = {0.05, 0.08, 0.002};
   params.velocity_bias_std_mps = 0.02;
   params.yaw_bias_std_radps = 2e-4;
+  params.current_std_mps = 0.03;
   params.bias_time_s = 300.0;
   params.start_position_std_m = 0.2;
   params.start_yaw_std_rad = 0.01;
@@ -106,12 +113,15 @@ TEST(PoseGraph, TakesNoBiasAsOne) {
   Loop loop(2);
   loop.params.velocity_bias_std_mps = 0.0;
   loop.params.yaw_bias_std_radps = 0.0;
+  loop.params.current_std_mps = 0.0;
   const SolvedGraph graph(loop.params, loop.given);
   EXPECT_LT(std::abs(graph.bias().surge_mps), 1e-9);
   EXPECT_LT(std::abs(graph.bias().yaw_radps), 1e-9);
+  EXPECT_LT(std::abs(graph.bias().current_x_mps), 1e-9);
   SmoothingParams tiny = loop.params;
   tiny.velocity_bias_std_mps = 1e-6;
   tiny.yaw_bias_std_radps = 1e-8;
+  tiny.current_std_mps = 1e-6;
   expectDense(graph, DenseGraph(tiny, loop.given));
 }
 
@@ -132,10 +142,12 @@ TEST(PoseGraph, IsTheLeastSquaresSolution) {
     EXPECT_LT(graph.weightOfClosure(3), 0.03);
     EXPECT_LT(graph.weightOfClosure(9), 0.03);
     EXPECT_GT(graph.weightOfClosure(4), 0.3);
-    const Eigen::Vector3d expected = dense.biasAt(graph.size() - 1);
+    const Eigen::VectorXd expected = dense.biasAt(graph.size() - 1);
     EXPECT_NEAR(graph.bias().surge_mps, expected(0), kSolved * loop.params.velocity_bias_std_mps);
     EXPECT_NEAR(graph.bias().sway_mps, expected(1), kSolved * loop.params.velocity_bias_std_mps);
     EXPECT_NEAR(graph.bias().yaw_radps, expected(2), kSolved * loop.params.yaw_bias_std_radps);
+    EXPECT_NEAR(graph.bias().current_x_mps, expected(3), kSolved * loop.params.current_std_mps);
+    EXPECT_NEAR(graph.bias().current_y_mps, expected(4), kSolved * loop.params.current_std_mps);
     EXPECT_NEAR(graph.biasAt(10).surge_mps, dense.biasAt(10)(0),
                 kSolved * loop.params.velocity_bias_std_mps);
   }
@@ -195,6 +207,7 @@ TEST(PoseGraph, FindsBiasesWhereTheSpeedChanges) {
   const MotionBias bias{0.03, -0.02, 1e-4};
   SmoothingParams params;
   params.motion = {0.005, 0.005, 1e-4};
+  params.current_std_mps = 0.0;
   PoseGraph graph(params, 0.0, {});
   std::vector<Pose2> truth{Pose2{}};
   for (std::size_t j = 1; j <= 120; ++j) {
@@ -224,6 +237,7 @@ TEST(PoseGraph, FindsBiasesWhereTheSpeedChanges) {
 
 TEST(PoseGraph, FindsBiasesAgainstFixes) {
   SmoothingParams params;
+  params.current_std_mps = 0.0;
   const MotionBias bias{0.03, -0.02, 0.0};
   PoseGraph graph(params, 0.0, {});
   for (std::size_t i = 1; i <= 120; ++i) {
@@ -238,6 +252,37 @@ TEST(PoseGraph, FindsBiasesAgainstFixes) {
   // 0.015 rad, 0.02 m/s at this speed.
   EXPECT_NEAR(graph.bias().surge_mps, bias.surge_mps, 0.003);
   EXPECT_NEAR(graph.bias().sway_mps, bias.sway_mps, 0.008);
+}
+
+// A current keeps its direction where the vehicle turns, and a wrong velocity does not: out and
+// back on a line, twice.
+TEST(PoseGraph, TellsACurrentFromABias) {
+  const MotionBias bias{0.02, 0.0, 0.0, 0.04, -0.03};
+  const Eigen::Vector2d current_mps(bias.current_x_mps, bias.current_y_mps);
+  SmoothingParams params;
+  params.motion = {0.005, 0.005, 1e-4};
+  PoseGraph graph(params, 0.0, {});
+  std::vector<Pose2> truth{Pose2{}};
+  for (std::size_t j = 1; j <= 160; ++j) {
+    const double turn = j % 40 == 0 ? M_PI : 0.0;
+    truth.push_back(compose(truth.back(), {3.0, 0.0, turn}));
+    const Eigen::Vector2d flow = Eigen::Rotation2Dd(-truth[j - 1].yaw_rad) * (2.0 * current_mps);
+    const double c = std::cos(turn / 2.0);
+    const double s = std::sin(turn / 2.0);
+    graph.addNode(2.0 * static_cast<double>(j), {3.0 + 2.0 * c * bias.surge_mps - flow.x(),
+                                                 2.0 * s * bias.surge_mps - flow.y(), turn});
+    if (j > 40 && j % 2 == 0) {
+      const std::size_t line = (j - 1) / 40;
+      const std::size_t k = 2 * 40 * line - j;  // where it was on the line before
+      graph.addClosure(k, j, {relative(truth[k], truth[j]), diagonal(0.05, 0.003)});
+    }
+  }
+  graph.solve();
+  // In 320 s the current carries the track 16 m off; passes tell it to 0.05 m over the way there
+  // and back, 0.001 m/s, and its own change in a minute is 0.0036 m/s.
+  EXPECT_NEAR(graph.bias().current_x_mps, bias.current_x_mps, 0.006);
+  EXPECT_NEAR(graph.bias().current_y_mps, bias.current_y_mps, 0.006);
+  EXPECT_LT(difference(graph.pose(160), truth[160]).head<2>().norm(), 0.3);
 }
 
 TEST(PoseGraph, DoesNotMindWhereYawIsCut) {
@@ -332,8 +377,10 @@ TEST(PoseGraph, GoesOnWithoutItsBias) {
   const MotionBias bias = graph.bias();
   const Pose2 last = graph.pose(graph.size() - 1);
   graph.addNode(loop.given.stamps_s.back() + 4.0, {6.0, 0.0, 0.0});
-  const Pose2 expected =
+  Pose2 expected =
       compose(last, {6.0 - 4.0 * bias.surge_mps, -4.0 * bias.sway_mps, -4.0 * bias.yaw_radps});
+  expected.x_m += 4.0 * bias.current_x_mps;
+  expected.y_m += 4.0 * bias.current_y_mps;
   EXPECT_LT(difference(graph.pose(graph.size() - 1), expected).norm(), 1e-9);
 }
 
@@ -353,6 +400,7 @@ TEST(PoseGraphParams, OutOfRangeAreRefusedByName) {
   for (const double bad : {-1e-9, kNaN, std::numeric_limits<double>::infinity()}) {
     expectRefused(&SmoothingParams::velocity_bias_std_mps, bad, "velocity_bias_std_mps");
     expectRefused(&SmoothingParams::yaw_bias_std_radps, bad, "yaw_bias_std_radps");
+    expectRefused(&SmoothingParams::current_std_mps, bad, "current_std_mps");
     expectRefused(&SmoothingParams::bias_time_s, bad, "bias_time_s");
     expectRefused(&SmoothingParams::start_position_std_m, bad, "start_position_std_m");
     expectRefused(&SmoothingParams::start_yaw_std_rad, bad, "start_yaw_std_rad");

@@ -172,6 +172,8 @@ void archiveCorrection(Archive& archive, T& change) {
   archive.number(change.bias.surge_mps);
   archive.number(change.bias.sway_mps);
   archive.number(change.bias.yaw_radps);
+  archive.number(change.bias.current_x_mps);
+  archive.number(change.bias.current_y_mps);
   archive.number(change.redraws);
   archive.number(change.maps_follow);
 }

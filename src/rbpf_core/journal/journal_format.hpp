@@ -15,7 +15,7 @@
 namespace rbpf_core::journal_format {
 
 constexpr std::array<char, 8> kMagic = {'R', 'B', 'P', 'F', 'J', 'R', 'N', 'L'};
-constexpr std::uint32_t kVersion = 3;
+constexpr std::uint32_t kVersion = 4;
 constexpr std::size_t kFileHeadBytes = kMagic.size() + sizeof(kVersion);
 constexpr std::size_t kRecordHeadBytes = 5;
 constexpr std::size_t kChecksumBytes = 4;

@@ -30,8 +30,8 @@ Rows3 toRows(const std::vector<Pose2>& poses) {
   return rows;
 }
 
-Eigen::Vector3d toVector(const MotionBias& bias) {
-  return {bias.surge_mps, bias.sway_mps, bias.yaw_radps};
+Eigen::Matrix<double, 5, 1> toVector(const MotionBias& bias) {
+  return {bias.surge_mps, bias.sway_mps, bias.yaw_radps, bias.current_x_mps, bias.current_y_mps};
 }
 
 py::dict toDict(const Closure& closure) {
@@ -108,6 +108,7 @@ PYBIND11_MODULE(_smoothing, m) {
       .def_readwrite("motion", &SmoothingParams::motion)
       .def_readwrite("velocity_bias_std_mps", &SmoothingParams::velocity_bias_std_mps)
       .def_readwrite("yaw_bias_std_radps", &SmoothingParams::yaw_bias_std_radps)
+      .def_readwrite("current_std_mps", &SmoothingParams::current_std_mps)
       .def_readwrite("bias_time_s", &SmoothingParams::bias_time_s)
       .def_readwrite("start_position_std_m", &SmoothingParams::start_position_std_m)
       .def_readwrite("start_yaw_std_rad", &SmoothingParams::start_yaw_std_rad)

@@ -51,7 +51,7 @@ Eigen::Matrix<double, kRows, kRows> rootInformation(
   return L.inverse();
 }
 
-// Two poses, the odometry's increment between them and its bias, which it measures too.
+// Two poses, and the odometry's increment between them: with its bias, and without the current.
 struct OdometryError {
   Eigen::Vector3d moved;
   double duration_s;
@@ -64,8 +64,14 @@ struct OdometryError {
     // in the heading halfway through the turn
     const double c = std::cos(0.5 * moved.z());
     const double s = std::sin(0.5 * moved.z());
-    r << truth(0) - moved.x() + (c * bias[0] - s * bias[1]) * duration_s,
-        truth(1) - moved.y() + (s * bias[0] + c * bias[1]) * duration_s,
+    using std::cos;
+    using std::sin;
+    const T c_from = cos(from[2]);
+    const T s_from = sin(from[2]);
+    const T flow_x = c_from * bias[3] + s_from * bias[4];
+    const T flow_y = c_from * bias[4] - s_from * bias[3];
+    r << truth(0) - moved.x() + (c * bias[0] - s * bias[1] - flow_x) * duration_s,
+        truth(1) - moved.y() + (s * bias[0] + c * bias[1] - flow_y) * duration_s,
         wrapped(T(truth(2) - moved.z() + bias[2] * duration_s));
     r = root_information.cast<T>() * r;
     return true;
@@ -132,21 +138,21 @@ struct PositionError {
 // b' = a b + noise: forgets the past within the bias time, and keeps its variance.
 struct BiasError {
   double kept;
-  Eigen::Vector3d std;
+  Eigen::Matrix<double, 5, 1> std;
 
   template <typename T>
   bool operator()(const T* from, const T* to, T* residual) const {
-    for (int k = 0; k < 3; ++k) residual[k] = (to[k] - T(kept) * from[k]) / T(std[k]);
+    for (int k = 0; k < 5; ++k) residual[k] = (to[k] - T(kept) * from[k]) / T(std[k]);
     return true;
   }
 };
 
 struct FirstBiasError {
-  Eigen::Vector3d std;
+  Eigen::Matrix<double, 5, 1> std;
 
   template <typename T>
   bool operator()(const T* bias, T* residual) const {
-    for (int k = 0; k < 3; ++k) residual[k] = bias[k] / T(std[k]);
+    for (int k = 0; k < 5; ++k) residual[k] = bias[k] / T(std[k]);
     return true;
   }
 };
@@ -159,9 +165,11 @@ void expectAtLeast(const char* name, double value, double least) {
 
 Eigen::Vector3d vectorOf(const Pose2& pose) { return {pose.x_m, pose.y_m, pose.yaw_rad}; }
 
-Eigen::Vector3d biasStd(const SmoothingParams& params) {
-  return {std::max(params.velocity_bias_std_mps, 1e-9),
-          std::max(params.velocity_bias_std_mps, 1e-9), std::max(params.yaw_bias_std_radps, 1e-12)};
+Eigen::Matrix<double, 5, 1> biasStd(const SmoothingParams& params) {
+  const double velocity_mps = std::max(params.velocity_bias_std_mps, 1e-9);
+  const double current_mps = std::max(params.current_std_mps, 1e-9);
+  return {velocity_mps, velocity_mps, std::max(params.yaw_bias_std_radps, 1e-12), current_mps,
+          current_mps};
 }
 
 // Of an increment. A heading that wanders bends the way there: over a straight one of length L the
@@ -207,6 +215,7 @@ PoseGraph::PoseGraph(const SmoothingParams& params, double stamp_s, const Pose2&
       problem_(std::make_unique<ceres::Problem>()) {
   expectAtLeast("smoothing/velocity_bias_std_mps", params.velocity_bias_std_mps, 0.0);
   expectAtLeast("smoothing/yaw_bias_std_radps", params.yaw_bias_std_radps, 0.0);
+  expectAtLeast("smoothing/current_std_mps", params.current_std_mps, 0.0);
   expectAtLeast("smoothing/bias_time_s", params.bias_time_s, 1.0);
   expectAtLeast("smoothing/start_position_std_m", params.start_position_std_m, 0.0);
   expectAtLeast("smoothing/start_yaw_std_rad", params.start_yaw_std_rad, 0.0);
@@ -225,16 +234,16 @@ PoseGraph::PoseGraph(const SmoothingParams& params, double stamp_s, const Pose2&
 PoseGraph::~PoseGraph() = default;
 
 void PoseGraph::addBias(double stamp_s) {
-  const Eigen::Vector3d std = biasStd(params_);
+  const BiasBlock std = biasStd(params_);
   if (biases_.empty()) {
-    biases_.push_back(Block::Zero());
+    biases_.push_back(BiasBlock::Zero());
     problem_->AddResidualBlock(
-        new ceres::AutoDiffCostFunction<FirstBiasError, 3, 3>(new FirstBiasError{std}), nullptr,
+        new ceres::AutoDiffCostFunction<FirstBiasError, 5, 5>(new FirstBiasError{std}), nullptr,
         biases_.back().data());
   } else {
     const double kept = std::exp(-(stamp_s - bias_stamps_s_.back()) / params_.bias_time_s);
     biases_.push_back(kept * biases_.back());
-    problem_->AddResidualBlock(new ceres::AutoDiffCostFunction<BiasError, 3, 3, 3>(new BiasError{
+    problem_->AddResidualBlock(new ceres::AutoDiffCostFunction<BiasError, 5, 5, 5>(new BiasError{
                                    kept, std * std::sqrt(std::max(1.0 - kept * kept, 1e-12))}),
                                nullptr, biases_[biases_.size() - 2].data(), biases_.back().data());
   }
@@ -255,17 +264,18 @@ void PoseGraph::addNode(double stamp_s, const Pose2& moved) {
   bias_of_node_.push_back(biases_.size() - 1);
   const Eigen::Matrix3d covariance = covarianceOf(moved, duration_s, params_.motion);
   problem_->AddResidualBlock(
-      new ceres::AutoDiffCostFunction<OdometryError, 3, 3, 3, 3>(
+      new ceres::AutoDiffCostFunction<OdometryError, 3, 3, 3, 5>(
           new OdometryError{vectorOf(moved), duration_s, rootInformation<3>(covariance)}),
       nullptr, poses_[from].data(), poses_.back().data(), biases_.back().data());
-  // where the odometry puts it, without its bias
-  const Block& bias = biases_.back();
+  // where the odometry puts it, without its bias, and the current takes it
+  const BiasBlock& bias = biases_.back();
   const double c = std::cos(0.5 * moved.yaw_rad);
   const double s = std::sin(0.5 * moved.yaw_rad);
   const Pose2 unbiased{moved.x_m - (c * bias[0] - s * bias[1]) * duration_s,
                        moved.y_m - (s * bias[0] + c * bias[1]) * duration_s,
                        moved.yaw_rad - bias[2] * duration_s};
   poses_.back() = fromOrigin(compose(pose(from), unbiased));
+  poses_.back().head<2>() += bias.tail<2>() * duration_s;
 }
 
 std::size_t PoseGraph::addClosure(std::size_t k, std::size_t j, const UncertainPose& relative) {
@@ -332,8 +342,8 @@ std::vector<Pose2> PoseGraph::poses() const {
 }
 
 MotionBias PoseGraph::biasAt(std::size_t i) const {
-  const Block& bias = biases_[bias_of_node_.at(i)];
-  return {bias[0], bias[1], bias[2]};
+  const BiasBlock& bias = biases_[bias_of_node_.at(i)];
+  return {bias[0], bias[1], bias[2], bias[3], bias[4]};
 }
 
 MotionBias PoseGraph::bias() const { return biasAt(size() - 1); }
@@ -360,7 +370,7 @@ PoseGraph::Covariances::Covariances(const PoseGraph& graph) : graph_(graph) {
   for (const Block& pose : graph.poses_) {
     options.parameter_blocks.push_back(const_cast<double*>(pose.data()));
   }
-  for (const Block& bias : graph.biases_) {
+  for (const BiasBlock& bias : graph.biases_) {
     options.parameter_blocks.push_back(const_cast<double*>(bias.data()));
   }
   ceres::CRSMatrix jacobian;

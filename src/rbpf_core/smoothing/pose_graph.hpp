@@ -17,7 +17,7 @@ class Problem;
 
 namespace rbpf_core::smoothing {
 
-// Poses at nodes, and the odometry's biases, which are constant over some tens of seconds. Known of
+// Poses at nodes, and the odometry's biases, which are constant over a minute. Known of
 // them: where the track starts; what the odometry says between one node and the next; relative
 // poses of any two nodes (closures); places of single nodes (fixes).
 class PoseGraph {
@@ -74,7 +74,8 @@ class PoseGraph {
   };
 
  private:
-  using Block = Eigen::Vector3d;  // x, y, yaw; or surge, sway, yaw rate
+  using Block = Eigen::Vector3d;                  // x, y, yaw
+  using BiasBlock = Eigen::Matrix<double, 5, 1>;  // surge, sway, yaw rate; current in map
 
   struct Closure;
   struct Fix;
@@ -91,7 +92,7 @@ class PoseGraph {
   // In deques: their addresses stay.
   std::deque<Block> poses_;
   std::vector<double> stamps_s_;
-  std::deque<Block> biases_;
+  std::deque<BiasBlock> biases_;
   std::vector<double> bias_stamps_s_;
   std::vector<std::size_t> bias_of_node_;
   std::vector<Closure> closures_;

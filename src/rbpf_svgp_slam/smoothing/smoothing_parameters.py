@@ -11,7 +11,12 @@ from rbpf_svgp_slam import _smoothing
 #: defaults are those of that file.
 MOTION = {"surge_std_m": 0.0, "sway_std_m": 0.0, "yaw_std_rad": 0.0}
 START = {"position_std_m": 0.0, "yaw_std_rad": 0.0}
-BIASES = {"velocity_bias_std_mps": 0.0, "yaw_bias_std_radps": 0.0, "bias_time_s": 1.0}
+BIASES = {
+    "velocity_bias_std_mps": 0.0,
+    "yaw_bias_std_radps": 0.0,
+    "current_std_mps": 0.0,
+    "bias_time_s": 1.0,
+}
 REGISTRATION = {
     "window_s": 1.0,
     "map_window_s": 1.0,
