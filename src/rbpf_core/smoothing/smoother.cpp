@@ -21,6 +21,9 @@ constexpr std::size_t kStretch = 15;
 constexpr double kStretchShare = 0.05;
 // Passes overlap enough if their tracks are nearer than this share of both half swaths.
 constexpr double kNear = 0.75;
+// They may do so, for all that is known, if they are further apart by this many standard
+// deviations.
+constexpr double kPerhaps = 2.0;
 // Two nodes near a place belong to different passes if they are further apart than this, s.
 constexpr double kSamePass_s = 16.0;
 // Of a window's beams, one of so many is registered.
@@ -179,9 +182,9 @@ void Smoother::closeLoops(std::size_t first, std::size_t last) {
 }
 
 void Smoother::registerNode(std::size_t j, const std::vector<Pose2>& poses,
-                            const std::function<const PoseGraph::Covariances&()>& covariances) {
+                            const CovariancesNow& covariances) {
   if (track_.nodes()[j].beams_m.cols() == 0) return;  // the place of a fix
-  const std::vector<std::size_t> older = olderPasses(j, poses);
+  const std::vector<std::size_t> older = olderPasses(j, poses, covariances);
   if (older.empty()) return;
   const Track::Range range = track_.around(j, params_.registration.window_s);
   const WindowOfPings window{gather(track_, range, poses, j, kStride),
@@ -256,14 +259,17 @@ Eigen::Matrix3d Smoother::odometryWithin(double both_s) const {
              .toDenseMatrix();
 }
 
-// The nearest node of each older pass that comes near, the nearest passes first.
-std::vector<std::size_t> Smoother::olderPasses(std::size_t j,
-                                               const std::vector<Pose2>& poses) const {
+// The nearest node of one.
+struct Smoother::Pass {
+  double distance_m;
+  double beyond_m;  // where passes are near; below 0: nearer
+  std::size_t node;
+};
+
+// The older passes that come near, or by so much less, the nearest passes first.
+std::vector<Smoother::Pass> Smoother::passesNear(std::size_t j, const std::vector<Pose2>& poses,
+                                                 double by_m) const {
   const std::vector<TrackNode>& nodes = track_.nodes();
-  struct Pass {
-    double distance_m;
-    std::size_t node;
-  };
   std::vector<Pass> passes;
   double last_near_s = -std::numeric_limits<double>::infinity();
   for (std::size_t k = 1; k < j; ++k) {  // the start has no beams
@@ -271,21 +277,41 @@ std::vector<std::size_t> Smoother::olderPasses(std::size_t j,
     if (nodes[k].beams_m.cols() == 0) continue;  // the place of a fix
     const double near_m = kNear * (nodes[j].half_width_m + nodes[k].half_width_m);
     const double distance_m = std::hypot(poses[j].x_m - poses[k].x_m, poses[j].y_m - poses[k].y_m);
-    if (!(distance_m < near_m)) continue;
+    if (!(distance_m < near_m + by_m)) continue;
+    const Pass pass{distance_m, distance_m - near_m, k};
     if (nodes[k].stamp_s - last_near_s > kSamePass_s) {
-      passes.push_back({distance_m, k});
+      passes.push_back(pass);
     } else if (distance_m < passes.back().distance_m) {
-      passes.back() = {distance_m, k};
+      passes.back() = pass;
     }
     last_near_s = nodes[k].stamp_s;
   }
   std::sort(passes.begin(), passes.end(),
             [](const Pass& a, const Pass& b) { return a.distance_m < b.distance_m; });
+  return passes;
+}
+
+// A node of each older pass that comes near, the nearest passes first; if they are too few, of
+// those that may be near for all that is known of both places.
+std::vector<std::size_t> Smoother::olderPasses(std::size_t j, const std::vector<Pose2>& poses,
+                                               const CovariancesNow& covariances) const {
+  const auto wanted = static_cast<std::size_t>(params_.registration.passes);
   std::vector<std::size_t> older;
-  for (const Pass& pass : passes) {
-    if (older.size() == static_cast<std::size_t>(params_.registration.passes)) break;
+  const auto take = [&](const Pass& pass) {
     const std::size_t k = std::max<std::size_t>(1, pass.node / kEvery * kEvery);
-    older.push_back(nodes[k].beams_m.cols() > 0 ? k : pass.node);
+    older.push_back(track_.nodes()[k].beams_m.cols() > 0 ? k : pass.node);
+  };
+  for (const Pass& pass : passesNear(j, poses, 0.0)) {
+    if (older.size() == wanted) return older;
+    take(pass);
+  }
+  for (const Pass& pass : passesNear(j, poses, params_.registration.max_search_m)) {
+    if (older.size() == wanted) break;
+    if (pass.beyond_m < 0.0) continue;  // taken
+    const Pose2 expected = relative(poses[pass.node], poses[j]);
+    const Eigen::Vector2d there(expected.x_m / pass.distance_m, expected.y_m / pass.distance_m);
+    const Eigen::Matrix2d known = covariances().ofRelative(pass.node, j).topLeftCorner<2, 2>();
+    if (pass.beyond_m < kPerhaps * std::sqrt(there.dot(known * there))) take(pass);
   }
   return older;
 }

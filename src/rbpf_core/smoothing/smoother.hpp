@@ -78,13 +78,17 @@ class Smoother {
   std::size_t nodeNextTo(double stamp_s) const;
   Eigen::Matrix2d covarianceOfLever(std::size_t node, const FixRecord& record) const;
   void closeLoops(std::size_t first, std::size_t last);
-  std::vector<std::size_t> olderPasses(std::size_t j, const std::vector<Pose2>& poses) const;
+  using CovariancesNow = std::function<const PoseGraph::Covariances&()>;
+  struct Pass;
+  std::vector<Pass> passesNear(std::size_t j, const std::vector<Pose2>& poses, double by_m) const;
+  std::vector<std::size_t> olderPasses(std::size_t j, const std::vector<Pose2>& poses,
+                                       const CovariancesNow& covariances) const;
   const LocalMap& mapOf(std::size_t k, const std::vector<Pose2>& poses);
   Eigen::Matrix3d odometryWithin(double both_s) const;
   std::vector<Tie> tied(const Closure& closure, const std::vector<Pose2>& poses);
   // Registers node j's window on the older passes near it.
   void registerNode(std::size_t j, const std::vector<Pose2>& poses,
-                    const std::function<const PoseGraph::Covariances&()>& covariances);
+                    const CovariancesNow& covariances);
   // With the closures that have been accepted since.
   void solve();
 
