@@ -25,8 +25,8 @@ from rbpf_svgp_slam.smoothing.smooth_run import smooth_run
 from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
 
 FIRST_SEED = 1
-#: Relief that tells much and little, and dead reckoning whose biases matter.
-CASES = ["base", "rippled", "block_b", "cheap"]
+#: Relief that tells much and little, dead reckoning whose biases matter, and lines that nothing crosses.
+CASES = ["base", "rippled", "block_b", "cheap", "overlap50"]
 #: Half and twice the default, or about that.
 VALUES: dict[str, tuple[float, ...]] = {
     "window_s": (3.0, 12.0),
@@ -36,6 +36,7 @@ VALUES: dict[str, tuple[float, ...]] = {
     "effective_beams": (20.0, 80.0, 160.0),
     "velocity_bias_std_mps": (0.005, 0.05),
     "yaw_bias_std_radps": (1e-5, 2e-4),
+    "current_std_mps": (0.0, 0.02),
     "bias_time_s": (900.0, 14400.0),
 }
 
