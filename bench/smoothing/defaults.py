@@ -25,7 +25,7 @@ from rbpf_svgp_slam.smoothing.smooth_run import smooth_run
 from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
 
 FIRST_SEED = 1
-#: Relief that tells much and little, dead reckoning whose biases matter, and lines that nothing crosses.
+#: Much relief and little, dead reckoning whose biases matter, and lines that nothing crosses.
 CASES = ["base", "rippled", "block_b", "cheap", "overlap50"]
 #: Half and twice the default, or about that.
 VALUES: dict[str, tuple[float, ...]] = {

@@ -131,6 +131,7 @@ class Faults:
     launch: int  # its process
     survey: Survey
     rng: np.random.Generator
+    spared: list[str]  # names that are not killed
     made: list[Fault] = field(default_factory=list)
     _deck: list[tuple[Callable[[str], None], str]] = field(default_factory=list)
 
@@ -152,8 +153,9 @@ class Faults:
 
     def _draw(self) -> tuple[Callable[[str], None], str]:
         if not self._deck:
-            self._deck = [(self._kill, name) for name in (names.CORE, *map_nodes())]
-            self._deck += [(self._stop, name) for name in (names.CORE, *map_nodes(), RECORDER)]
+            nodes = [names.CORE, *map_nodes()]
+            self._deck = [(self._kill, name) for name in nodes if name not in self.spared]
+            self._deck += [(self._stop, name) for name in (*nodes, RECORDER)]
             self._deck += [(self._send, "rubbish"), (self._ask, "rubbish")]
             self.rng.shuffle(self._deck)
         return self._deck.pop()
@@ -274,8 +276,9 @@ def told(faults: list[Fault]) -> list[str]:
 class Soak:
     """One run; see run()."""
 
-    def __init__(self, folder: Path, minutes: float, seed: int) -> None:
+    def __init__(self, folder: Path, minutes: float, seed: int, spared: list[str]) -> None:
         self._folder = folder
+        self._spared = spared
         self._bag = folder / "survey.bag"
         self._out = folder / "run"
         self._rng = np.random.default_rng(seed)
@@ -307,7 +310,7 @@ class Soak:
         wait_for(lambda: survey.status and is_there(programs(launch.pid)), "the nodes")
         player = play(self._bag, self._folder / "player.log")
         memory = Memory(launch.pid, rospy.get_time)
-        faults = Faults(launch.pid, survey, self._rng)
+        faults = Faults(launch.pid, survey, self._rng, self._spared)
         try:
             self._make_faults(faults, player)
             wait_for(lambda: player.poll() is not None, "the bag's end")
@@ -368,12 +371,14 @@ def main() -> int:
     add = parser.add_argument
     add("minutes", nargs="?", type=float, default=120.0, help="of survey (default %(default)g)")
     add("--seed", type=int, default=0, help="of the survey and its faults")
+    add("--spare", nargs="+", default=[], choices=[names.CORE, *map_nodes()], metavar="NAME",
+        help="nodes that are never killed: their memory is seen to grow over the whole survey")
     add("--folder", type=Path, help="where bag, logs and run folder are kept")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = (options.folder or Path(scratch)).resolve()
         folder.mkdir(parents=True, exist_ok=True)
-        soak = Soak(folder, options.minutes, options.seed)
+        soak = Soak(folder, options.minutes, options.seed, options.spare)
         port = rosgraph.get_master_uri().rsplit(":", 1)[1].strip("/")
         with subprocess.Popen(["roscore", "-p", port], stdout=subprocess.DEVNULL) as master:
             try:
