@@ -25,6 +25,7 @@ from rbpf_svgp_slam.protocol.payload import pack, split, unpack
 PARTICLES, NODES = 5, 2
 OWN = [range(0, 3), range(3, 5)]
 TIMEOUT_S = 2.0  # resampling/timeout_s
+ROSLAUNCH_PATIENCE_S = 15.0  # after an interrupt; then it sends SIGTERM
 
 
 class FakeCore:
@@ -368,14 +369,12 @@ class ResamplingTest(unittest.TestCase):
             [node, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
 
-    def test_an_interrupt_ends_the_node_at_once_and_quietly(self):
+    def test_an_interrupt_ends_the_node_quietly_before_roslaunch_loses_patience(self):
         rospy.set_param("/apart/rbpf_svgp_slam", rospy.get_param("rbpf_svgp_slam"))
         node = self.start_node("__ns:=/apart", "__name:=svgp_node_1", "_index:=1")
         rospy.wait_for_service("/apart/svgp_node_1/predict", PATIENCE_S)
-        before_s = time.monotonic()
         node.send_signal(signal.SIGINT)
-        output, _ = node.communicate(timeout=PATIENCE_S)
-        self.assertLess(time.monotonic() - before_s, 3.0)
+        output, _ = node.communicate(timeout=ROSLAUNCH_PATIENCE_S)
         self.assertNotIn("Traceback", output)
         self.assertEqual(node.returncode, 0, output)
 
