@@ -28,13 +28,17 @@ struct Survey {
   std::size_t size() const { return stamps_s.size(); }
 };
 
-// Four lines of 120 m, 20 m apart, and two across them, steered at a point 12 m ahead on the line.
-inline std::vector<Pose2> sailed() {
-  struct Line {
-    Eigen::Vector2d from, to;
-  };
-  const std::vector<Line> lines{{{0, 0}, {120, 0}},   {{120, 20}, {0, 20}},  {{0, 40}, {120, 40}},
-                                {{120, 60}, {0, 60}}, {{30, 80}, {30, -20}}, {{85, -20}, {85, 80}}};
+struct Line {
+  Eigen::Vector2d from, to;
+};
+
+// Four of 120 m, 20 m apart, and two across them.
+inline const std::vector<Line> kCrossed{{{0, 0}, {120, 0}},    {{120, 20}, {0, 20}},
+                                        {{0, 40}, {120, 40}},  {{120, 60}, {0, 60}},
+                                        {{30, 80}, {30, -20}}, {{85, -20}, {85, 80}}};
+
+// One line after the other, steered at a point 12 m ahead on it.
+inline std::vector<Pose2> sailed(const std::vector<Line>& lines) {
   std::vector<Pose2> poses;
   Pose2 pose{-10.0, 0.0, 0.0};
   for (const Line& line : lines) {
@@ -55,7 +59,8 @@ inline std::vector<Pose2> sailed() {
 }
 
 inline Survey surveyOf(const Seabed& seabed, std::uint32_t seed, const MotionNoise& motion = {},
-                       const Sounding& sounding = {0.1, 0.02}) {
+                       const Sounding& sounding = {0.1, 0.02},
+                       const std::vector<Line>& lines = kCrossed) {
   Survey survey;
   SmoothingParams& params = survey.params;
   params.motion = motion;
@@ -65,7 +70,7 @@ inline Survey surveyOf(const Seabed& seabed, std::uint32_t seed, const MotionNoi
   const Eigen::Vector3d bias(params.velocity_bias_std_mps * normal(random),
                              params.velocity_bias_std_mps * normal(random),
                              params.yaw_bias_std_radps * normal(random));
-  survey.truth = sailed();
+  survey.truth = sailed(lines);
   Pose2 dead_reckoning = survey.truth.front();
   const double root_s = std::sqrt(kPing_s);
   for (std::size_t i = 0; i < survey.truth.size(); ++i) {

@@ -279,7 +279,7 @@ TEST(PoseGraph, TellsACurrentFromABias) {
   }
   graph.solve();
   // In 320 s the current carries the track 16 m off; passes tell it to 0.05 m over the way there
-  // and back, 0.001 m/s, and its own change in a minute is 0.0036 m/s.
+  // and back, 0.001 m/s, and its own change in a minute is 0.0018 m/s.
   EXPECT_NEAR(graph.bias().current_x_mps, bias.current_x_mps, 0.006);
   EXPECT_NEAR(graph.bias().current_y_mps, bias.current_y_mps, 0.006);
   EXPECT_LT(difference(graph.pose(160), truth[160]).head<2>().norm(), 0.3);

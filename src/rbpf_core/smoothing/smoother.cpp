@@ -259,14 +259,14 @@ Eigen::Matrix3d Smoother::odometryWithin(double both_s) const {
              .toDenseMatrix();
 }
 
-// The nearest node of one.
+// Of an older one, its nearest node.
 struct Smoother::Pass {
   double distance_m;
-  double beyond_m;  // where passes are near; below 0: nearer
+  double beyond_m;  // the distance at which passes are near
   std::size_t node;
 };
 
-// The older passes that come near, or by so much less, the nearest passes first.
+// The older passes that come near, or no more than so much further off, the nearest first.
 std::vector<Smoother::Pass> Smoother::passesNear(std::size_t j, const std::vector<Pose2>& poses,
                                                  double by_m) const {
   const std::vector<TrackNode>& nodes = track_.nodes();
