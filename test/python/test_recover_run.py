@@ -81,7 +81,7 @@ def write_journal(folder, tail=b""):
     ]
     for stamp_s in stamps_s:
         records += [odometry(stamp_s), ping(stamp_s)]
-    head = b"RBPFJRNL" + struct.pack("<I", 3)
+    head = b"RBPFJRNL" + struct.pack("<I", _journal.FORMAT_VERSION)
     (folder / "survey.journal").write_bytes(head + b"".join(records) + tail)
     return stamps_s
 

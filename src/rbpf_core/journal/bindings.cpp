@@ -5,6 +5,7 @@
 
 #include <limits>
 
+#include "rbpf_core/journal/journal_format.hpp"
 #include "rbpf_core/journal/resume.hpp"
 
 namespace py = pybind11;
@@ -124,6 +125,7 @@ py::dict read(const std::string& path) {
 
 PYBIND11_MODULE(_journal, m) {
   m.doc() = "Journals of surveys: the filter's state from all that has changed it.";
+  m.attr("FORMAT_VERSION") = journal_format::kVersion;
   m.def("read", &read, py::arg("path"),
         "The survey of a journal, P pings with N beams: stamp_s [P], estimate, online and "
         "dead_reckoning [P, 6] x y z roll pitch yaw, estimate_covariance and online_covariance "
