@@ -28,7 +28,7 @@ struct FilterParams {
   PingFilterParams pings;
   FixParams fixes;
   // Pings that may wait for odometry at or after their stamps.
-  std::size_t ping_queue = 200;
+  std::size_t ping_queue = 1000;
   // Pings younger than this are not drawn into minibatches; 0: the paper's.
   double hold_back_s = 30.0;
   // Share of the pings that are never drawn, for evaluation.
