@@ -51,8 +51,10 @@ def main() -> int:
     study = Study(out, arguments.contestants)
     # All cases of one seed before the next seed: whenever it is interrupted, no case is left out.
     surveys = [(case, seed) for seed, case in itertools.product(seeds, chosen)]
-    with ThreadPoolExecutor(arguments.jobs) as pool:
-        failures = [text for text in pool.map(lambda one: study.run(*one), surveys) if text]
+    failures = []
+    if not arguments.no_runs:
+        with ThreadPoolExecutor(arguments.jobs) as pool:
+            failures = [text for text in pool.map(lambda one: study.run(*one), surveys) if text]
     rows = study.rows(surveys)
     first = arguments.contestants[0]
     shown = [against_targets(rows, first), tables.errors(rows), tables.honesty(rows)]
@@ -144,6 +146,7 @@ def _parse() -> argparse.Namespace:
     add("--seeds", type=int, default=10, metavar="K")
     add("--first-seed", type=int, default=FIRST_SEED, metavar="N")
     add("--jobs", type=int, default=1, metavar="N", help="surveys at once")
+    add("--no-runs", action="store_true", help="draw what rows.jsonl has, and run nothing")
     return parser.parse_args()
 
 

@@ -242,7 +242,7 @@ def last_prompt() -> str:
     def is_weighed() -> bool:
         answer = rospy.ServiceProxy(f"{names.CORE}/prompt", Trigger)()
         answers.append(answer.message)
-        return answer.success or "vetoed" in answer.message
+        return answer.success or "vetoed" in answer.message or "weighed already" in answer.message
 
     wait_for(is_weighed, "a prompt at the end")
     return answers[-1]
