@@ -371,8 +371,14 @@ def main() -> int:
     add = parser.add_argument
     add("minutes", nargs="?", type=float, default=120.0, help="of survey (default %(default)g)")
     add("--seed", type=int, default=0, help="of the survey and its faults")
-    add("--spare", nargs="+", default=[], choices=[names.CORE, *map_nodes()], metavar="NAME",
-        help="nodes that are never killed: their memory is seen to grow over the whole survey")
+    add(
+        "--spare",
+        nargs="+",
+        default=[],
+        choices=[names.CORE, *map_nodes()],
+        metavar="NAME",
+        help="nodes that are never killed: their memory is seen to grow over the whole survey",
+    )
     add("--folder", type=Path, help="where bag, logs and run folder are kept")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
