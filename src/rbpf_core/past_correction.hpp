@@ -35,7 +35,8 @@ struct PastCorrection {
   std::vector<PingMotion> of_pings;
   // Of the pings after them, and of where the particles are now.
   Pose2 of_rest;
-  // Taken off the odometry's increments from now on; replaces the bias before it.
+  // Taken off the odometry's increments from now on, and its current added to them; replaces the
+  // one before it.
   MotionBias bias;
   // How often particles had been drawn anew when this was found out.
   std::uint32_t redraws = 0;

@@ -105,7 +105,7 @@ TEST(SmootherOnRelief, FindsPassesThatMayBeNear) {
   Survey survey = surveyOf(Seabed::relief(0.7, 3), 3, {}, {0.1, 0.02},
                            {{{0, 0}, {120, 0}}, {{120, 120}, {0, 120}}, {{0, 0}, {120, 0}}});
   for (std::size_t i = 0; i < survey.size(); ++i) {
-    // while it is away, 120 s
+    // while it is away
     const double slid =
         std::clamp((survey.stamps_s[i] - survey.stamps_s[0] - 100.0) / 40.0, 0.0, 1.0);
     survey.dead_reckoning[i].y_m += slid * kSlide_m;
