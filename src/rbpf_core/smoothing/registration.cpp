@@ -65,7 +65,8 @@ class Registrar {
         beams_(thinned(window.beams_m, kBeams)),
         expected_(expected),
         params_(params),
-        scale2_(kDegreesOfFreedom * map.noise_std_m() * map.noise_std_m()) {}
+        scale2_(kDegreesOfFreedom * map.noise_std_m() * map.noise_std_m()),
+        nats_per_log_(params.effective_beams * 0.5 * (kDegreesOfFreedom + 1.0)) {}
 
   bool isExpected(const UncertainPose& found) const {
     return squaredDistance(difference(found.pose, expected_.pose),
@@ -235,13 +236,13 @@ class Registrar {
   }
 
   std::optional<Place> refine(Pose2 pose) const {
-    Eigen::Matrix3d H;
     double weight = 0.0;
     double squares = 0.0;
     double cost = 0.0;
     Eigen::Index n = 0;
+    const Eigen::Matrix3d held = (kReach * kReach * expected_.covariance).inverse();
     for (int iteration = 0; iteration < kIterations; ++iteration) {
-      H = Eigen::Vector3d(1e-3, 1e-3, 1e-1).asDiagonal();  // on a flat, stay
+      Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
       Eigen::Vector3d g = Eigen::Vector3d::Zero();
       weight = squares = cost = 0.0;
       n = 0;
@@ -264,7 +265,11 @@ class Registrar {
         cost += std::log1p(r * r / scale2_);
       }
       if (n < kLeastBeams) return std::nullopt;
-      Eigen::Vector3d step = H.ldlt().solve(g);
+      // Where the relief tells nothing the window stays near where it is expected, as the search
+      // does.
+      const double nats = nats_per_log_ * 2.0 / (scale2_ * static_cast<double>(n));
+      Eigen::Vector3d step =
+          (nats * H + held).ldlt().solve(nats * g + held * difference(expected_.pose, pose));
       const double length_m = step.head<2>().norm();
       if (length_m > map_.spacing_m()) step *= map_.spacing_m() / length_m;
       pose.x_m += step.x();
@@ -364,9 +369,7 @@ class Registrar {
   }
 
   // Of a mean over beams of log(1 + r^2 / (nu sigma^2)).
-  double nats(double mean_cost) const {
-    return params_.effective_beams * 0.5 * (kDegreesOfFreedom + 1.0) * mean_cost;
-  }
+  double nats(double mean_cost) const { return nats_per_log_ * mean_cost; }
   double surprise(const Pose2& pose) const {
     return 0.5 * squaredDistance(difference(pose, expected_.pose), expected_.covariance);
   }
@@ -377,6 +380,7 @@ class Registrar {
   const UncertainPose expected_;
   const RegistrationParams& params_;
   const double scale2_;
+  const double nats_per_log_;
 };
 
 }  // namespace
