@@ -170,6 +170,23 @@ TEST(Registration, KnowsOnlyAcrossRidges) {
   for (const Registration& r : registrations(ridges, ridges, 2.0, 8)) expectKnownAcrossOnly(r);
 }
 
+// Along its contours beams fit everywhere, up to their noise, which is not to be followed: what is
+// laid far off is tied to the relief of another place. A third of the windows lies on the map.
+TEST(Registration, StaysWhereItIsExpectedAlongAStraightSlope) {
+  const Seabed slope = Seabed::slope(0.1, 0.0);
+  const Pose2 truth{0.0, 25.0, 0.0};
+  constexpr double kStd_m = 1.0;
+  constexpr int kWindows = 12;
+  double squares = 0.0;
+  for (std::uint32_t seed = 0; seed < kWindows; ++seed) {
+    const Registration r = registerWindow(mapOn(slope, seed), windowOn(slope, truth, seed),
+                                          expectedAt(truth, kStd_m, 0.01), {});
+    ASSERT_STREQ(nameOf(r.verdict), "accepted");
+    squares += std::pow(r.found.pose.y_m - truth.y_m, 2);
+  }
+  EXPECT_LT(std::sqrt(squares / kWindows), 1.5 * kStd_m);  // by the beams alone it is 1.9
+}
+
 // Of ten metres: others lie within an expectation of 6 m, and not within one of 1 m.
 TEST(Registration, DoesNotChooseBetweenRipples) {
   const Seabed ripples = Seabed::ripples(10.0, 0.4);

@@ -275,7 +275,7 @@ class Registrar {
       pose.x_m += step.x();
       pose.y_m += step.y();
       pose.yaw_rad = wrapAngle(pose.yaw_rad + step.z());
-      if (step.head<2>().norm() < 1e-3) break;
+      if (step.head<2>().norm() < 1e-4) break;
     }
     Place place;
     place.rms_m = std::sqrt(squares / weight);
