@@ -14,6 +14,7 @@
 
 #include "rbpf_node/door.hpp"
 #include "rbpf_node/spinning.hpp"
+#include "rbpf_node/taken_name.hpp"
 
 namespace {
 
@@ -105,6 +106,7 @@ int main(int argc, char** argv) {
   // a limit on the size of files is to be as a full disk, which ends the journal and not the core
   std::signal(SIGXFSZ, SIG_IGN);
   try {
+    rbpf_node::expectNameIsFree();
     run();
   } catch (const std::exception& error) {
     // rosconsole has been shut down with the last node handle

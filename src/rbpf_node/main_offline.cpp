@@ -9,6 +9,7 @@
 #include "rbpf_node/node.hpp"
 #include "rbpf_node/offline_replay.hpp"
 #include "rbpf_node/spinning.hpp"
+#include "rbpf_node/taken_name.hpp"
 
 namespace {
 
@@ -35,6 +36,7 @@ int tell(const ros::NodeHandle& own, const Replay& replay) {
 int main(int argc, char** argv) {
   ros::init(argc, argv, "rbpf_core");
   try {
+    rbpf_node::expectNameIsFree();
     rbpf_node::Spinning spinning;
     ros::NodeHandle& own = spinning.privateNode();
     const auto offline = rbpf_node::loadOfflineParameters(own);

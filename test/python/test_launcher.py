@@ -88,7 +88,7 @@ def test_a_master_that_was_started_again_is_noticed(master, children, monkeypatc
 
 def test_a_node_that_runs_elsewhere_is_left_alone(master, monkeypatch):
     alive = {"http://elsewhere"}
-    monkeypatch.setattr(launcher, "_answers", lambda uri: uri in alive)
+    monkeypatch.setattr(launcher, "listens", lambda uri: uri in alive)
     launcher._check_not_running(range(2))
     master["svgp_node_1"] = "http://elsewhere"
     with pytest.raises(ParameterError, match="svgp_node_1 runs already, at http://elsewhere"):

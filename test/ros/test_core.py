@@ -197,6 +197,13 @@ class CoreTest(unittest.TestCase):
             self.assertIn(f"{name} is {message}", start.stdout)
             rospy.set_param(f"/wrong/rbpf_svgp_slam/{name}", right)
 
+    def test_a_second_core_is_refused_and_the_first_goes_on(self):
+        core = roslib.packages.find_node("rbpf_svgp_slam", "rbpf_core")[0]
+        second = subprocess.run([core], stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
+        self.assertNotEqual(second.returncode, 0)
+        self.assertIn("/rbpf_core runs already, at http://", second.stderr)
+        self.assertTrue(self.get_beams([0], 0, 1).success)
+
     def test_what_cannot_be_taken_in_is_counted_by_reason(self):
         not_finite, not_float = odometry(DURATION_S + 1), ping(DURATION_S)
         not_finite.twist.twist.linear.x = float("nan")

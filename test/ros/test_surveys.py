@@ -321,6 +321,7 @@ class Surveys(unittest.TestCase):
                 self.assertFalse(early.success, early.message)
             self.give_the_start()
             rospy.wait_for_service("/rbpf_core/get_pings", 60)
+            self.check_second_launch()
             limit_files(pid_of("/rbpf_core"), JOURNAL_FITS)
             play = ["rosbag", "play", "-q", "-r", "8", "--queue", "10000", "--wait-for-subscribers"]
             topics = ["/odom", "/mbes/pings", "/ground_truth", "/tf", "/tf_static"]
@@ -356,6 +357,18 @@ class Surveys(unittest.TestCase):
         while not start.get_num_connections() and time.monotonic() < deadline_s:
             time.sleep(0.05)
         start.publish(given)
+
+    def check_second_launch(self):
+        """On the same master: none of its nodes takes the name of one that runs."""
+        nodes = ["/rbpf_core", "/survey_recorder"]
+        before = [pid_of(node) for node in nodes]
+        second = [*self.common_args()[:2], f"out:={self.out}_second"]
+        self.assertRegex(launch("slam.launch", *second)[1], "runs already, at http://")
+        recorder = ["rosrun", "rbpf_svgp_slam", "survey_recorder.py"]
+        refused = subprocess.run(recorder, stderr=subprocess.PIPE, text=True, timeout=60)
+        self.assertEqual(refused.returncode, 1)
+        self.assertRegex(refused.stderr, "survey_recorder runs already, at http://")
+        self.assertEqual([pid_of(node) for node in nodes], before)
 
     def check_full_disk(self):
         """What was written last stays, and who asks is told; the journal's end is diagnosed."""

@@ -19,17 +19,25 @@ from rbpf_svgp_slam.bags.opening import BagError, open_bag
 from rbpf_svgp_slam.bags.topics import TopicError, as_subscribed, topic_in_bag
 from rbpf_svgp_slam.processes import end_with_parent
 from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.protocol.running_nodes import NameTaken, expect_free
 
 #: Messages that rosbag play keeps for a subscriber that is busy: none may be lost on the way.
 QUEUE = 10_000
 TRANSFORMS = ("/tf", "/tf_static")
 
 
-def play(arguments: Sequence[str]) -> int:
-    """Play the bag to its end; returns rosbag play's exit status, 2 if there is nothing to play."""
+def play(arguments: Sequence[str]) -> int | str:
+    """Play the bag to its end; returns rosbag play's exit status, 2 if there is nothing to play.
+
+    Or what sys.exit() prints, if another survey is played.
+    """
     options = _parse([word for word in arguments if ":=" not in word])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
+    try:
+        expect_free(names.PLAYER)
+    except NameTaken as error:
+        return f"play_survey: {error}"
     try:
         command = _command(options)
     except (TopicError, BagError) as error:

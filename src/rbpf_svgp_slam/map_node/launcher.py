@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import time
-import xmlrpc.client
 from pathlib import Path
 from typing import Collection, Sequence
 
@@ -19,13 +18,14 @@ from rbpf_svgp_slam.parameters.rules import ParameterError
 from rbpf_svgp_slam.parameters.server import load_parameters
 from rbpf_svgp_slam.processes import Deaths, end_with_parent
 from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.protocol.running_nodes import listens, uri_of
 
 POLL_S = 0.5
 # For all nodes together to end after SIGINT, before they are killed: roslaunch gives us 15 s after
 # its own, and only 2 s more after SIGTERM.
 PATIENCE_S = 5.0
 NOTICE_S = 3.0  # of waiting for the core, after which we say so
-# For the master and for nodes on other hosts; one that has been switched off never answers.
+# For the master; a host that has been switched off never answers.
 ANSWER_S = 5.0
 ALL = "all"
 
@@ -155,7 +155,7 @@ def _check_not_running(indices: range) -> None:
     """A node of the same name on another host would be shut down by the master."""
     for index in indices:
         uri = _uri_of(names.map_node(index))
-        if uri is not None and _answers(uri):
+        if uri is not None and listens(uri):
             raise ParameterError(
                 f"svgp_node_{index} runs already, at {uri}; expected each map node on one host: "
                 "see local_nodes of the core's launch file, first and count of svgp_nodes.launch"
@@ -164,23 +164,11 @@ def _check_not_running(indices: range) -> None:
 
 def _uri_of(node: str) -> str | None:
     """Where a node is registered, if it is."""
-    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(), node)
     try:
-        return rosgraph.Master("/svgp_nodes").lookupNode(name)
-    except rosgraph.MasterError:
-        return None
+        return uri_of(node)
     except OSError as error:
         uri = rosgraph.get_master_uri()
         raise ParameterError(f"ROS master {uri} does not answer: {error}") from None
-
-
-def _answers(uri: str) -> bool:
-    """A node that was killed stays registered."""
-    try:
-        xmlrpc.client.ServerProxy(uri).getPid("/svgp_nodes")
-    except (OSError, xmlrpc.client.Error):
-        return False
-    return True
 
 
 def _command(index: int, restarts: int) -> list[str]:

@@ -23,6 +23,7 @@ from rbpf_svgp_slam.parameters.loading import RecorderParameters, validate, vali
 from rbpf_svgp_slam.parameters.rules import ParameterError
 from rbpf_svgp_slam.parameters.server import parameter_tree
 from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.protocol.running_nodes import NameTaken, expect_free
 from rbpf_svgp_slam.recorder.assembly import assemble_run
 from rbpf_svgp_slam.recorder.ending import end_launch, way_out
 from rbpf_svgp_slam.recorder.ground_truth import POSE_OF, GroundTruth
@@ -53,6 +54,10 @@ FAILURES += (rospy.ServiceException, rospy.ROSException)
 
 def start() -> int | str:
     """Run the recorder to the survey's end; returns what sys.exit() takes."""
+    try:
+        expect_free(NAME)
+    except NameTaken as error:
+        return f"{NAME}: {error}"
     rospy.init_node(NAME)
     try:
         private = validate_recorder(rospy.get_param(rospy.get_name(), {}))

@@ -14,6 +14,7 @@ from rbpf_svgp_slam.bags.opening import open_bag
 from rbpf_svgp_slam.bags.topics import TopicError, topic_in_bag
 from rbpf_svgp_slam.msg import FilterStatus
 from rbpf_svgp_slam.protocol import names
+from rbpf_svgp_slam.protocol.running_nodes import running_at
 
 # After the player's end, for what is still on its way to the core: its counters must have stood
 # still for so long.
@@ -158,10 +159,8 @@ class ProgressLine:
 
 
 def is_alive(node: str) -> bool:
-    """The master knows the node, and it answers."""
+    """The master knows the node, and it is there."""
     try:
-        uri = rosgraph.Master(rospy.get_name()).lookupNode(rospy.resolve_name(node))
-        xmlrpc.client.ServerProxy(uri).getPid(rospy.get_name())
+        return running_at(node) is not None
     except (OSError, rosgraph.MasterException, xmlrpc.client.Error):
         return False
-    return True
