@@ -26,7 +26,7 @@ from rbpf_svgp_slam.smoothing.smooth_run import smooth_run
 from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
 
 FIRST_SEED = 1
-#: Much relief and little, dead reckoning whose biases matter, and lines that little or nothing crosses.
+#: Much relief and little, dead reckoning whose biases matter, and lines that overlap less.
 CASES = ["base", "rippled", "block_b", "slope", "flat", "cheap", "overlap50", "overlap10"]
 #: Half and twice the default, or about that.
 VALUES: dict[str, tuple[float, ...]] = {
