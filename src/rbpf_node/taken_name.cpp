@@ -8,6 +8,7 @@
 #include <xmlrpcpp/XmlRpcSocket.h>
 #include <xmlrpcpp/XmlRpcValue.h>
 
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 
