@@ -66,7 +66,8 @@ class Registrar {
         expected_(expected),
         params_(params),
         scale2_(kDegreesOfFreedom * map.noise_std_m() * map.noise_std_m()),
-        nats_per_log_(params.effective_beams * 0.5 * (kDegreesOfFreedom + 1.0)) {}
+        nats_per_log_(params.effective_beams * 0.5 * (kDegreesOfFreedom + 1.0)),
+        held_((kReach * kReach * expected.covariance).inverse()) {}
 
   bool isExpected(const UncertainPose& found) const {
     return squaredDistance(difference(found.pose, expected_.pose),
@@ -240,7 +241,6 @@ class Registrar {
     double squares = 0.0;
     double cost = 0.0;
     Eigen::Index n = 0;
-    const Eigen::Matrix3d held = (kReach * kReach * expected_.covariance).inverse();
     for (int iteration = 0; iteration < kIterations; ++iteration) {
       Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
       Eigen::Vector3d g = Eigen::Vector3d::Zero();
@@ -265,11 +265,9 @@ class Registrar {
         cost += std::log1p(r * r / scale2_);
       }
       if (n < kLeastBeams) return std::nullopt;
-      // Where the relief tells nothing the window stays near where it is expected, as the search
-      // does.
-      const double nats = nats_per_log_ * 2.0 / (scale2_ * static_cast<double>(n));
+      const double told = nats_per_log_ * 2.0 / (scale2_ * static_cast<double>(n));
       Eigen::Vector3d step =
-          (nats * H + held).ldlt().solve(nats * g + held * difference(expected_.pose, pose));
+          (told * H + held_).ldlt().solve(told * g + held_ * difference(expected_.pose, pose));
       const double length_m = step.head<2>().norm();
       if (length_m > map_.spacing_m()) step *= map_.spacing_m() / length_m;
       pose.x_m += step.x();
@@ -381,6 +379,9 @@ class Registrar {
   const RegistrationParams& params_;
   const double scale2_;
   const double nats_per_log_;
+  // An information matrix: where the relief tells nothing, a window stays as near to where it is
+  // expected as the search does.
+  const Eigen::Matrix3d held_;
 };
 
 }  // namespace
