@@ -17,9 +17,9 @@ tools/setup.sh --fuzz
 export PATH=/usr/bin:/bin:$PATH
 fuzz=build/fuzz
 programs=$fuzz/devel/lib/rbpf_svgp_slam
+mkdir -p $fuzz
 
 build() (
-  mkdir -p $fuzz
   # a sourced workspace would put its own librbpf_core.so, without sanitizers, before ours
   unset LD_LIBRARY_PATH CMAKE_PREFIX_PATH
   {

@@ -34,7 +34,7 @@ VALUES: dict[str, tuple[float, ...]] = {
     "map_window_s": (7.0, 28.0),
     "min_apart_s": (30.0, 120.0),
     "passes": (1, 6),
-    "effective_beams": (7.5, 30.0),
+    "effective_beams": (15.0, 20.0, 80.0),
     "velocity_bias_std_mps": (0.005, 0.05),
     "yaw_bias_std_radps": (1e-5, 2e-4),
     "current_std_mps": (0.0, 0.005, 0.02),

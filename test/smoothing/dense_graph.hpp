@@ -40,7 +40,8 @@ struct GivenTrack {
 // fixes.
 class DenseGraph {
  public:
-  DenseGraph(const SmoothingParams& params, const GivenTrack& given)
+  // Covariances are those of closures that count for this share of what they say.
+  DenseGraph(const SmoothingParams& params, const GivenTrack& given, double share_of_closures = 1.0)
       : params_(params), given_(given) {
     std::vector<Pose2> poses{given.start};
     bias_of_.push_back(0);
@@ -67,6 +68,9 @@ class DenseGraph {
       if (step.cwiseAbs().maxCoeff() < 1e-8) break;
     }
     linearise();
+    const auto rows = 3 * static_cast<Eigen::Index>(given.closures.size());
+    const Eigen::Index last_row = J_.rows() - 2 * static_cast<Eigen::Index>(given.fixes.size());
+    J_.middleRows(last_row - rows, rows) *= std::sqrt(share_of_closures);
     covariance_ =
         (J_.transpose() * J_).ldlt().solve(Eigen::MatrixXd::Identity(x_.size(), x_.size()));
   }

@@ -156,18 +156,20 @@ TEST(PoseGraph, IsTheLeastSquaresSolution) {
 TEST(PoseGraph, HasTheDenseCovariancesOfRelativePoses) {
   const Loop loop(5);
   const SolvedGraph graph(loop.params, loop.given);
-  const DenseGraph dense(loop.params, loop.given);
-  const PoseGraph::Covariances covariances(graph);
-  for (const auto& [k, j] :
-       {std::pair<std::size_t, std::size_t>(0, 32), {3, 4}, {10, 64}, {0, 1}, {35, 20}}) {
-    const Eigen::Matrix3d expected = dense.relativeCovariance(k, j);
-    const Eigen::Vector3d inverse_std = expected.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::Matrix3d off = covariances.ofRelative(k, j) - expected;
-    EXPECT_LT((inverse_std.asDiagonal() * off * inverse_std.asDiagonal()).cwiseAbs().maxCoeff(),
-              kSolved)
-        << k << ", " << j;
+  for (const double share : {1.0, 0.4}) {
+    const DenseGraph dense(loop.params, loop.given, share);
+    const PoseGraph::Covariances covariances(graph, share);
+    for (const auto& [k, j] :
+         {std::pair<std::size_t, std::size_t>(0, 32), {3, 4}, {10, 64}, {0, 1}, {35, 20}}) {
+      const Eigen::Matrix3d expected = dense.relativeCovariance(k, j);
+      const Eigen::Vector3d inverse_std = expected.diagonal().cwiseSqrt().cwiseInverse();
+      const Eigen::Matrix3d off = covariances.ofRelative(k, j) - expected;
+      EXPECT_LT((inverse_std.asDiagonal() * off * inverse_std.asDiagonal()).cwiseAbs().maxCoeff(),
+                kSolved)
+          << k << ", " << j << ": closures count for " << share;
+    }
+    EXPECT_LT(covariances.ofRelative(7, 7).norm(), 1e-12) << "a node in its own frame";
   }
-  EXPECT_LT(covariances.ofRelative(7, 7).norm(), 1e-12) << "a node in its own frame";
 }
 
 // Over some tracks, the errors are as large as their covariances have them.

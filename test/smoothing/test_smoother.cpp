@@ -302,16 +302,22 @@ TEST(Smoother, LaysNoWindowOnItselfAfterALateStart) {
 }
 
 TEST(Smoother, StandsPassesWithoutBeams) {
-  Survey survey = reliefSurvey(3);
-  for (std::size_t i = 0; i < 150; ++i) survey.beams_m[i].resize(3, 0);
-  for (std::size_t i = 400; i < 500; ++i) survey.beams_m[i].resize(3, 0);
-  Smoother smoother = smootherOf(survey);
-  smoothAtOnce(survey, &smoother);
-  expectBookkeeping(survey, smoother);
-  smoother.registerAgain();
-  expectBookkeeping(survey, smoother);
-  EXPECT_LT(rmse(smoother.posesOfPings(), survey.truth),
-            1.1 * rmse(survey.dead_reckoning, survey.truth));
+  double smoothed2 = 0.0;
+  double dead_reckoning2 = 0.0;
+  for (const std::uint32_t seed : {3U, 4U, 5U, 6U}) {
+    Survey survey = reliefSurvey(seed);
+    for (std::size_t i = 0; i < 150; ++i) survey.beams_m[i].resize(3, 0);
+    for (std::size_t i = 400; i < 500; ++i) survey.beams_m[i].resize(3, 0);
+    Smoother smoother = smootherOf(survey);
+    smoothAtOnce(survey, &smoother);
+    expectBookkeeping(survey, smoother);
+    smoother.registerAgain();
+    expectBookkeeping(survey, smoother);
+    smoothed2 += std::pow(rmse(smoother.posesOfPings(), survey.truth), 2);
+    dead_reckoning2 += std::pow(rmse(survey.dead_reckoning, survey.truth), 2);
+  }
+  // What no beams tell of may turn a single track: of these it is a third of the squares.
+  EXPECT_LT(smoothed2, 0.6 * dead_reckoning2);
 }
 
 TEST(SmootherParams, OutOfRangeAreRefusedByName) {

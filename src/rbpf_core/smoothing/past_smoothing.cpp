@@ -96,9 +96,8 @@ PastSmoothing::News PastSmoothing::smooth(bool is_over) {
   News news;
   news.correction = correction(snapshot, is_over, &result);
   const std::size_t last = smoother_->graph().size() - 1;
-  news.known_error =
-      KnownError{smoother_->track().nodes()[last].stamp_s, result.nodes[last],
-                 PoseGraph::Covariances(smoother_->graph()).of(last), smoother_->lastGoodFix()};
+  news.known_error = KnownError{smoother_->track().nodes()[last].stamp_s, result.nodes[last],
+                                smoother_->covariances().of(last), smoother_->lastGoodFix()};
   result.processor_s += processorSeconds() - start_s;
   const std::lock_guard lock(mutex_);
   result_ = std::make_shared<const SmoothedPast>(std::move(result));

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -365,8 +367,15 @@ double PoseGraph::weightOfFix(std::size_t fix) const {
 
 // ---- how well it is known ----------------------------------------------------------------------
 
-PoseGraph::Covariances::Covariances(const PoseGraph& graph) : graph_(graph) {
+PoseGraph::Covariances::Covariances(const PoseGraph& graph, double share_of_closures)
+    : graph_(graph) {
+  std::set<ceres::ResidualBlockId> closures;
+  for (const Closure& closure : graph.closures_) closures.insert(closure.block);
   ceres::Problem::EvaluateOptions options;
+  graph.problem_->GetResidualBlocks(&options.residual_blocks);
+  const auto first_closure = std::stable_partition(
+      options.residual_blocks.begin(), options.residual_blocks.end(),
+      [&](ceres::ResidualBlockId block) { return closures.count(block) == 0; });
   for (const Block& pose : graph.poses_) {
     options.parameter_blocks.push_back(const_cast<double*>(pose.data()));
   }
@@ -375,6 +384,11 @@ PoseGraph::Covariances::Covariances(const PoseGraph& graph) : graph_(graph) {
   }
   ceres::CRSMatrix jacobian;
   graph.problem_->Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
+  // rows of closures are the last ones
+  const auto rows = 3 * std::distance(first_closure, options.residual_blocks.end());
+  for (int i = jacobian.rows[jacobian.num_rows - rows]; i < jacobian.rows.back(); ++i) {
+    jacobian.values[i] *= std::sqrt(share_of_closures);
+  }
   const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> J(
       jacobian.num_rows, jacobian.num_cols, static_cast<Eigen::Index>(jacobian.values.size()),
       jacobian.rows.data(), jacobian.cols.data(), jacobian.values.data());

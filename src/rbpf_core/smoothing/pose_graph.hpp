@@ -59,7 +59,9 @@ class PoseGraph {
   // Covariances at the solution, as if it were linear there.
   class Covariances {
    public:
-    explicit Covariances(const PoseGraph& graph);
+    // Closures count as so much of what they say: 1 if each errs on its own, less if some err
+    // alike.
+    explicit Covariances(const PoseGraph& graph, double share_of_closures = 1.0);
     // Of x, y, yaw in map.
     Eigen::Matrix3d of(std::size_t i) const;
     // Of node j in the frame of node k.

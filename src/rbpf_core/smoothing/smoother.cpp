@@ -154,14 +154,14 @@ void Smoother::registerAgain() {
   if (accepted_ == 0) return;
   // What the closures say is still needed to know where to look.
   const std::vector<Pose2> poses = graph_.poses();
-  const PoseGraph::Covariances covariances(graph_);
+  const PoseGraph::Covariances known = covariances();
   graph_.clearClosures();
   maps_.clear();
   closures_.clear();
   in_graph_.clear();
   accepted_ = 0;
   for (std::size_t j = 0; j < next_; j += kEvery) {
-    registerNode(j, poses, [&]() -> const PoseGraph::Covariances& { return covariances; });
+    registerNode(j, poses, [&]() -> const PoseGraph::Covariances& { return known; });
   }
   if (pending_.empty()) graph_.solve();  // without any
   solve();
@@ -171,9 +171,9 @@ void Smoother::registerAgain() {
 
 void Smoother::closeLoops(std::size_t first, std::size_t last) {
   const std::vector<Pose2> poses = graph_.poses();
-  std::optional<PoseGraph::Covariances> covariances;
+  std::optional<PoseGraph::Covariances> known;
   const auto covariancesNow = [&]() -> const PoseGraph::Covariances& {
-    return covariances ? *covariances : covariances.emplace(graph_);
+    return known ? *known : known.emplace(graph_, kShareOfTies);
   };
   for (std::size_t j = (first + kEvery - 1) / kEvery * kEvery; j < last; j += kEvery) {
     registerNode(j, poses, covariancesNow);
@@ -347,15 +347,19 @@ std::vector<Pose2> Smoother::posesOfPings() const {
   return poses;
 }
 
+PoseGraph::Covariances Smoother::covariances() const {
+  return PoseGraph::Covariances(graph_, kShareOfTies);
+}
+
 std::vector<Eigen::Matrix3d> Smoother::covariancesOfPings() const {
   const std::size_t nodes = graph_.size();
-  const PoseGraph::Covariances covariances(graph_);
+  const PoseGraph::Covariances known = covariances();
   const std::size_t stride = 1 + nodes / kCovariances;
   std::vector<std::size_t> at;
   for (std::size_t i = 0; i < nodes; i += stride) at.push_back(i);
   if (at.back() + 1 < nodes) at.push_back(nodes - 1);
-  std::vector<Eigen::Matrix3d> known;
-  for (const std::size_t i : at) known.push_back(covariances.of(i));
+  std::vector<Eigen::Matrix3d> of_nodes;
+  for (const std::size_t i : at) of_nodes.push_back(known.of(i));
   std::vector<Eigen::Matrix3d> of_pings;
   std::size_t a = 0;
   const auto stamp = [&](std::size_t i) { return track_.nodes()[at[i]].stamp_s; };
@@ -365,7 +369,7 @@ std::vector<Eigen::Matrix3d> Smoother::covariancesOfPings() const {
     const double duration_s = stamp(b) - stamp(a);
     const double share =
         duration_s > 0.0 ? std::clamp((ping.stamp_s - stamp(a)) / duration_s, 0.0, 1.0) : 0.0;
-    of_pings.push_back((1.0 - share) * known[a] + share * known[b]);
+    of_pings.push_back((1.0 - share) * of_nodes[a] + share * of_nodes[b]);
   }
   return of_pings;
 }

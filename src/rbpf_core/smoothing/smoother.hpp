@@ -57,6 +57,8 @@ class Smoother {
 
   const Track& track() const { return track_; }
   const PoseGraph& graph() const { return graph_; }
+  // Of the graph, at its last solution.
+  PoseGraph::Covariances covariances() const;
   // In the order of the younger windows.
   const std::vector<Closure>& closures() const { return closures_; }
   // Whether any closure has been accepted.

@@ -17,7 +17,7 @@ struct RegistrationParams {
   // Passes that a window is registered to, at most.
   int passes = 3;
   // A window counts as so many independent beams.
-  double effective_beams = 15.0;
+  double effective_beams = 40.0;
   // Largest distance that is searched, m.
   double max_search_m = 25.0;
 };

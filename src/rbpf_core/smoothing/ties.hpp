@@ -18,6 +18,10 @@ struct Tie {
   UncertainPose relative;
 };
 
+// Ties side by side share errors, of one map and of the relief below its grid: together they know
+// so much of what they would if each erred on its own.
+constexpr double kShareOfTies = 0.25;
+
 // Windows about nodes k and j of a track, which lie as `poses` [nodes] say within each window.
 struct LaidWindow {
   const Track& track;
