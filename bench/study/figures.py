@@ -8,6 +8,7 @@ import numpy as np
 
 from bench.figures import GUIDE, WIDTH_IN, plain_numbers, plt
 from bench.study.replays import ratio
+from bench.study.targets import FINAL_OVER_IDEAL, ONLINE_OVER_IDEAL, OVER_DEAD_RECKONING
 from rbpf_svgp_slam.figures import figure_style as style
 
 Row = dict[str, Any]
@@ -24,9 +25,9 @@ PANELS = {
 }
 #: Of the overview's panels, with the study's target.
 RATIOS = {
-    "online over ideal filter": ("online_ate_rmse_m", "ideal_online_ate_rmse_m", 1.3),
-    "final over ideal smoother": ("ate_rmse_m", "ideal_ate_rmse_m", 1.5),
-    "final over dead reckoning": ("ate_rmse_m", "dr_ate_rmse_m", 1.1),
+    "online over ideal filter": ("online_ate_rmse_m", "ideal_online_ate_rmse_m", ONLINE_OVER_IDEAL),
+    "final over ideal smoother": ("ate_rmse_m", "ideal_ate_rmse_m", FINAL_OVER_IDEAL),
+    "final over dead reckoning": ("ate_rmse_m", "dr_ate_rmse_m", OVER_DEAD_RECKONING),
 }
 #: Of ticks.
 PLACES = (1.0, 2.0, 5.0)

@@ -12,6 +12,8 @@ from bench.svgp.in_process import markdown
 
 Row = dict[str, Any]
 
+#: An ATE over another one, at most.
+ONLINE_OVER_IDEAL, FINAL_OVER_IDEAL, OVER_DEAD_RECKONING, OVER_BEST_PEER = 1.3, 1.5, 1.1, 1.1
 #: Seabeds whose relief is below 0.3 m (bench/study/relief.py): no method finds what is not there.
 LITTLE_RELIEF = ("flat", "block_b", "slope")
 
@@ -25,12 +27,12 @@ def against_targets(rows: Iterable[Row], contestant: str) -> str:
     shown: list[tuple[str, Any, Any]] = [
         (
             "online over the ideal filter, median of the runs with relief",
-            1.3,
+            ONLINE_OVER_IDEAL,
             of_known(ratio(row, "online_ate_rmse_m", "ideal_online_ate_rmse_m") for row in relief),
         ),
         (
             "final over the ideal smoother, the same",
-            1.5,
+            FINAL_OVER_IDEAL,
             of_known(ratio(row, "ate_rmse_m", "ideal_ate_rmse_m") for row in relief),
         ),
         (
@@ -40,8 +42,16 @@ def against_targets(rows: Iterable[Row], contestant: str) -> str:
                 ratio(row, "ate_aligned_rmse_m", "ideal_ate_aligned_rmse_m") for row in relief
             ),
         ),
-        ("online over dead reckoning, worst of all runs", 1.1, _worst(mine, "online_ate_rmse_m")),
-        ("final over dead reckoning, worst of all runs", 1.1, _worst(mine, "ate_rmse_m")),
+        (
+            "online over dead reckoning, worst of all runs",
+            OVER_DEAD_RECKONING,
+            _worst(mine, "online_ate_rmse_m"),
+        ),
+        (
+            "final over dead reckoning, worst of all runs",
+            OVER_DEAD_RECKONING,
+            _worst(mine, "ate_rmse_m"),
+        ),
         (f"wrong of {accepted} closures, %", 1.0, wrong_percent(mine)),
         ("online NEES, medians of the cases", "0.5 to 2", _range(mine, "online_nees")),
         ("NEES, medians of the cases", "0.5 to 2", _range(mine, "nees")),
@@ -54,7 +64,7 @@ def against_targets(rows: Iterable[Row], contestant: str) -> str:
     for label, name in (("online", "online_ate_rmse_m"), ("final", "ate_rmse_m")):
         over, case = _over_best_peer(rows, contestant, name)
         if case:
-            shown.append((f"{label} over the best peer, worst case ({case})", 1.1, over))
+            shown.append((f"{label} over the best peer, worst case ({case})", OVER_BEST_PEER, over))
     return markdown(
         [
             {"over all cases": what, "aimed at": at, "reached": reached}
