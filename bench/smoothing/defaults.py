@@ -37,7 +37,7 @@ VALUES: dict[str, tuple[float, ...]] = {
     "effective_beams": (15.0, 20.0, 80.0),
     "velocity_bias_std_mps": (0.005, 0.05),
     "yaw_bias_std_radps": (1e-5, 2e-4),
-    "current_std_mps": (0.0, 0.005, 0.02),
+    "current_std_mps": (0.0, 0.0015, 0.01),
     "bias_time_s": (900.0, 14400.0),
 }
 

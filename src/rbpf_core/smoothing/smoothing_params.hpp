@@ -28,7 +28,7 @@ struct SmoothingParams {
   double velocity_bias_std_mps = 0.02;
   double yaw_bias_std_radps = 5e-5;
   // Of either component of a current that the odometry does not measure.
-  double current_std_mps = 0.01;
+  double current_std_mps = 0.003;
   double bias_time_s = 3600.0;
   // Of the start.
   double start_position_std_m = 0.0;
