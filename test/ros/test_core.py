@@ -414,9 +414,9 @@ class CoreTest(unittest.TestCase):
         for kind in ("odometry/malformed", "pings/malformed", "fixes/malformed"):
             self.assertIn(kind, status.refusal_reasons)
         self.assertGreater(answered, end_s - begin_s)
-        # what is taken in stays: a kB at most of each message, on average
+        # what is taken in stays: of all messages some 110 bytes each have been seen
         sent = (end_s - begin_s) * (2 + RUBBISH_A_SECOND * len(rubbish))
-        self.assertLess(status.peak_rss_mb - first.peak_rss_mb, 100.0 + sent / 1000)
+        self.assertLess(status.peak_rss_mb - first.peak_rss_mb, 100.0 + sent / 4000)
         estimate = np.frombuffer(self.get_pings(0, 1000).estimate, "<f8")
         self.assertTrue(np.isfinite(estimate).all())
         print(
