@@ -301,6 +301,19 @@ TEST(Smoother, LaysNoWindowOnItselfAfterALateStart) {
   EXPECT_TRUE(smoother.closures().empty());
 }
 
+// Ties err alike: errors are as large as covariances say that count them for less.
+TEST(Smoother, KnowsLessThanEachOfItsTiesWouldTell) {
+  const Survey survey = reliefSurvey(2);
+  Smoother smoother = smootherOf(survey);
+  smoothAtOnce(survey, &smoother);
+  const std::size_t last = smoother.graph().size() - 1;
+  const Eigen::Matrix3d known = smoother.covariances().of(last);
+  EXPECT_TRUE(known.isApprox(PoseGraph::Covariances(smoother.graph(), kShareOfTies).of(last)));
+  EXPECT_TRUE(known.isApprox(smoother.covariancesOfPings().back()));
+  const Eigen::Matrix3d each = PoseGraph::Covariances(smoother.graph()).of(last);
+  EXPECT_GT(known(0, 0) + known(1, 1), 1.5 * (each(0, 0) + each(1, 1)));
+}
+
 TEST(Smoother, StandsPassesWithoutBeams) {
   double smoothed2 = 0.0;
   double dead_reckoning2 = 0.0;
