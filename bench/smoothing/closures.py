@@ -23,6 +23,7 @@ from rbpf_svgp_slam.metrics.closure_metrics import closure_errors, closure_metri
 from rbpf_svgp_slam.metrics.ideal_metrics import ideal_metrics
 from rbpf_svgp_slam.metrics.normalised_errors import nees
 from rbpf_svgp_slam.metrics.trajectory_errors import ate_aligned_rmse, ate_rmse
+from rbpf_svgp_slam.nested import merged
 from rbpf_svgp_slam.run.survey_run import SurveyRun
 from rbpf_svgp_slam.smoothing.smooth_run import smooth_run
 from rbpf_svgp_slam.smoothing.smoothing_parameters import smoothing_params
@@ -77,7 +78,8 @@ class Rows:
         known = self._known.get(self._key(asked))
         if known is not None:
             return known
-        row = {**asked, **score(simulated_runs.simulated_run(seabed, seed, scale, mission))}
+        survey = simulated_runs.simulated_run(seabed, seed, scale, mission)
+        row = {**asked, **score(survey), **_ideals(survey)}
         print(f"{seabed}, seed {seed}: {json.dumps(shown_survey(row))}", flush=True)
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
@@ -96,21 +98,18 @@ def _build() -> str:
     return hashlib.sha256(contents).hexdigest()[:16]
 
 
-def score(before: SurveyRun) -> dict[str, Any]:
-    """Errors of one survey's dead reckoning, smoothed and ideal, and of its closures."""
-    after, cpu_s = smooth_run(before, smoothing_params(before.config))
-    notes: list[str] = []
+def score(before: SurveyRun, change: dict[str, float] | None = None) -> dict[str, Any]:
+    """Errors of one survey's dead reckoning, smoothed with the change, and of its closures."""
+    config = merged(before.config, {"smoothing": change or {}})
+    after, cpu_s = smooth_run(before, smoothing_params(config))
     truth = before.ground_truth
-    closures = closure_metrics(after.closures, after.stamp_s, truth, notes)
+    closures = closure_metrics(after.closures, after.stamp_s, truth, [])
     refused = closures["closures_refused"]
     return {
         "dr_ate_m": ate_rmse(before.estimate, truth),
         "ate_m": ate_rmse(after.estimate, truth),
         "dr_aligned_m": ate_aligned_rmse(before.estimate, truth),
         "aligned_m": ate_aligned_rmse(after.estimate, truth),
-        "ideal_ate_m": (ideal := ideal_metrics(before, notes))["ideal_ate_rmse_m"],
-        "ideal_aligned_m": ideal["ideal_ate_aligned_rmse_m"],
-        "ideal_online_m": ideal["ideal_online_ate_rmse_m"],
         "accepted": closures["closures_accepted"],
         **{verdict: refused.get(verdict, 0) for verdict in VERDICTS},
         "wrong": closures["closures_wrong"],
@@ -119,6 +118,15 @@ def score(before: SurveyRun) -> dict[str, Any]:
         "closure_nees": _number(closures["closure_nees"]),
         "nees": nees(after.estimate, after.estimate_covariance, truth)[0],
         "cpu_s": cpu_s,
+    }
+
+
+def _ideals(before: SurveyRun) -> dict[str, Any]:
+    ideal = ideal_metrics(before, [])
+    return {
+        "ideal_ate_m": ideal["ideal_ate_rmse_m"],
+        "ideal_aligned_m": ideal["ideal_ate_aligned_rmse_m"],
+        "ideal_online_m": ideal["ideal_online_ate_rmse_m"],
     }
 
 

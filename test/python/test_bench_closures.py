@@ -1,11 +1,12 @@
 """The bench of smoothing, scaled down: its surveys, seabeds and table."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from bench.smoothing import closures, seabeds, simulated_runs
+from bench.smoothing import closures, defaults, seabeds, simulated_runs
 from rbpf_svgp_slam.simulation.mission import get_mission
 
 SCALE = 0.1  # of lolo3: some three minutes of survey
@@ -82,3 +83,27 @@ def test_medians_and_the_worst():
     assert (summary["ate_m"], summary["over_ideal"]) == (1.0, 2.0)
     assert summary["over_dr_worst"] == pytest.approx(1.1)
     assert summary["wrong_percent"] == pytest.approx(2.0)
+
+
+def test_what_a_changed_parameter_is_worth(tmp_path, monkeypatch):
+    surveys = iter([{"ate_m": 1.0}, {"ate_m": 4.0}])  # of the two seeds, with the defaults
+
+    def score(survey, change):
+        factor = {0.0: 2.0, 0.01: 0.5}.get(change.get("current_std_mps"), 1.0)
+        of_all = {"dr_ate_m": 5.0, "aligned_m": 1.0, "nees": survey["ate_m"], "wrong": None}
+        return {**of_all, "ate_m": factor * survey["ate_m"], "cpu_s": 1.0}
+
+    monkeypatch.setattr(defaults, "CASES", ["base"])
+    monkeypatch.setattr(defaults, "as_run", lambda _: next(surveys))
+    monkeypatch.setattr(defaults, "score", score)
+    monkeypatch.setattr(defaults, "cases", lambda _: [SimpleNamespace(survey=lambda _: None)])
+    monkeypatch.setenv("DEFAULT_SEEDS", "2")
+    monkeypatch.setenv("DEFAULT_PARAMETERS", "current_std_mps")
+    rows = defaults.run(tmp_path)["defaults"]
+    assert set(rows) == {"defaults"} | {f"current_std_mps: {v}" for v in ("0", "0.0015", "0.01")}
+    usual, without = rows["defaults"], rows["current_std_mps: 0"]
+    assert (usual["final, base"], usual["final"], usual["worst final over DR"]) == (2.5, 1.0, 0.8)
+    assert (without["final, base"], without["final"]) == (2.0, pytest.approx(2.0))
+    assert without["worst final over DR"] == pytest.approx(1.6)
+    assert (usual["NEES"], usual["NEES above 2"], usual["wrong"]) == (2.5, 1, 0)
+    assert (tmp_path / "defaults.md").read_text().count("| current_std_mps: ") == 3
