@@ -104,6 +104,8 @@ def test_targets_are_held_against_all_runs_those_of_ratios_against_the_ones_with
     assert reached["final over dead reckoning, worst of all runs"] == ("1.1", "1.25")
     assert reached["wrong of 250 closures, %"] == ("1", "2.4")
     assert reached["NEES, medians of the cases"] == ("0.5 to 2", "1 (base) to 3 (cheap)")
+    # of the base 1, 1 and 7
+    assert reached["online NEES, means of the cases"] == ("0.5 to 2", "1 (cheap) to 3 (base)")
     assert reached["prompts that resample, median of all runs"] == ("0.5", "0.4")
     # of the seeds that both have
     assert reached["final over the best peer, worst case (flat, submaps)"] == ("1.1", "10")
