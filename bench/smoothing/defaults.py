@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import gmean
 
 from bench.smoothing.closures import score
 from bench.smoothing.simulated_runs import REAL_SEABED, as_run
@@ -74,7 +75,7 @@ def _row(change: dict[str, float], k: int, scores: Scores) -> dict[str, Any]:
             for surveys in scores.values()
             for of_survey in surveys
         ]
-        row[label] = float(np.exp(np.mean(np.log(ratios))))
+        row[label] = float(gmean(ratios))
     row["NEES"] = float(np.median([one["nees"] for one in every]))
     row["NEES above 2"] = sum(one["nees"] > 2.0 for one in every)
     row["worst final over DR"] = max(one["ate_m"] / one["dr_ate_m"] for one in every)
