@@ -63,19 +63,15 @@ def run(out: Path) -> dict[str, Any]:
 def _row(change: dict[str, float], k: int, scores: Scores) -> dict[str, Any]:
     name, value = next(iter(change.items()), ("defaults", None))
     row: dict[str, Any] = {"parameter": f"{name}: {value:g}" if change else name}
-    every = [of_survey[k] for surveys in scores.values() for of_survey in surveys]
     for measure, label in (("ate_m", "final"), ("aligned_m", "aligned")):
+        of_all: list[float] = []
         for case, surveys in scores.items():
             errors = [of_survey[k][measure] for of_survey in surveys]
-            defaults = [of_survey[0][measure] for of_survey in surveys]
-            shown = np.divide(errors, defaults) if change else errors
-            row[f"{label}, {case}"] = float(np.median(shown))
-        ratios = [
-            of_survey[k][measure] / of_survey[0][measure]
-            for surveys in scores.values()
-            for of_survey in surveys
-        ]
-        row[label] = float(gmean(ratios))
+            ratios = np.divide(errors, [of_survey[0][measure] for of_survey in surveys])
+            row[f"{label}, {case}"] = float(np.median(ratios if change else errors))
+            of_all.extend(ratios)
+        row[label] = float(gmean(of_all))
+    every = [of_survey[k] for surveys in scores.values() for of_survey in surveys]
     row["NEES"] = float(np.median([one["nees"] for one in every]))
     row["NEES above 2"] = sum(one["nees"] > 2.0 for one in every)
     row["worst final over DR"] = max(one["ate_m"] / one["dr_ate_m"] for one in every)

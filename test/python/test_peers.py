@@ -171,8 +171,8 @@ def test_a_peer_is_better_than_dead_reckoning_and_repeats_itself(survey, name):
     again = peer_run(name, survey, 1, particles=20)
     if name.startswith("gp_"):
         # Of GPs the last digits are not always the same, with one thread neither, and what that
-        # changes grows from prompt to prompt: by up to 4e-4 m in the end, where now and then
-        # another particle is drawn. Seldom so early:
+        # changes grows from prompt to prompt: by up to 4e-4 m in the end, enough for another
+        # particle to be drawn once in a while. Up to here it has had less time to grow:
         half = len(survey.stamp_s) // 2
         np.testing.assert_allclose(again.online[:half], run.online[:half], rtol=0, atol=0.05)
     else:

@@ -110,6 +110,12 @@ def test_targets_are_held_against_all_runs_those_of_ratios_against_the_ones_with
     # of the seeds that both have
     assert reached["final over the best peer, worst case (flat, submaps)"] == ("1.1", "10")
     assert not any("peer" in line for line in against_targets(rows[:5], "gmrf100").splitlines())
+    # 10 on the first seed and 2.5 on the next: their geometric mean
+    rows += [row(case="flat", seed=2), row(contestant="submaps", case="flat", seed=2)]
+    rows[-1]["ate_rmse_m"] = 0.2
+    assert "final over the best peer, worst case (flat, submaps) | 1.1 | 5 |" in against_targets(
+        rows, "gmrf100"
+    )
 
 
 def test_relief_is_what_stands_out_of_the_plane():
