@@ -17,13 +17,6 @@ void expectPositive(const char* name, double value) {
                               "; expected a finite number above 0");
 }
 
-// k(r)/o = s K1(s), s = sqrt(8) r / l.
-double correlation(double distance_m, const Model& model) {
-  const double s = std::sqrt(8.0) * distance_m / model.lengthscale_m;
-  if (s < 1e-9) return 1.0;
-  return s > 600.0 ? 0.0 : s * std::cyl_bessel_k(1.0, s);
-}
-
 }  // namespace
 
 void Model::check() const {
@@ -31,6 +24,12 @@ void Model::check() const {
   expectPositive("lengthscale_m", lengthscale_m);
   expectPositive("outputscale_m2", outputscale_m2);
   expectPositive("noise_variance_m2", noise_variance_m2);
+}
+
+double Model::correlation(double distance_m) const {
+  const double s = std::sqrt(8.0) * distance_m / lengthscale_m;
+  if (s < 1e-9) return 1.0;
+  return s > 600.0 ? 0.0 : s * std::cyl_bessel_k(1.0, s);
 }
 
 double Model::kappa() const { return std::sqrt(8.0) * spacing_m / lengthscale_m; }
@@ -42,8 +41,8 @@ double Model::precisionScale() const {
 // k(0) - 2 sum_a phi_a k(p - n_a) + sum_ab phi_a phi_b k(n_a - n_b), over the cell's four corners.
 DiscretisationVariance::DiscretisationVariance(const Model& model) {
   const double h = model.spacing_m;
-  const double side = correlation(h, model);
-  const double diagonal = correlation(h * M_SQRT2, model);
+  const double side = model.correlation(h);
+  const double diagonal = model.correlation(h * M_SQRT2);
   for (int i = 0; i <= kSteps; ++i) {
     for (int j = 0; j <= kSteps; ++j) {
       const double fx = static_cast<double>(i) / kSteps;
@@ -54,7 +53,7 @@ DiscretisationVariance::DiscretisationVariance(const Model& model) {
       for (int a = 0; a < 4; ++a) {
         const double dx = fx - (a >> 1);
         const double dy = fy - (a & 1);
-        to_corners += phi[a] * correlation(h * std::hypot(dx, dy), model);
+        to_corners += phi[a] * model.correlation(h * std::hypot(dx, dy));
         for (int b = 0; b < 4; ++b) {
           const int steps = ((a ^ b) & 1) + ((a ^ b) >> 1);
           between_corners += phi[a] * phi[b] * (steps == 0 ? 1.0 : steps == 1 ? side : diagonal);

@@ -20,6 +20,8 @@ struct Model {
   // Throws std::invalid_argument that names what is not finite or not above 0.
   void check() const;
 
+  // k(r)/o = s K1(s), s = sqrt(8) r / l.
+  double correlation(double distance_m) const;
   // kappa h: without a unit.
   double kappa() const;
   // tau^2: Q = tau^2 (kappa^2 I - Laplacian)^2 in node units has the variance o.

@@ -113,16 +113,16 @@ TEST(TrackBeams, LieInTheNodesFrameByDeadReckoning) {
 
 TEST(TrackBeams, AreThinnedEvenlyToTheirCap) {
   Track track(2.0);
-  addPings(&track, 0.0, 4, 400);
+  addPings(&track, 0.0, 4, 1000);
   addPings(&track, 2.0, 4, Track::kBeams / 4);
   track.finish();
   const Beams& thinned = track.nodes()[0].beams_m;
   ASSERT_EQ(thinned.cols(), Track::kBeams);
   EXPECT_EQ(track.nodes()[1].beams_m.cols(), Track::kBeams) << "as many as are kept";
   // z runs from -80 to -79 in each ping: all parts of all pings are there.
-  const Beams ping = across(400, 20.0F);
+  const Beams ping = across(1000, 20.0F);
   for (Eigen::Index i = 0; i < Track::kBeams; ++i) {
-    EXPECT_EQ(thinned(2, i), ping(2, i * 1600 / Track::kBeams % 400)) << i;
+    EXPECT_EQ(thinned(2, i), ping(2, i * 4000 / Track::kBeams % 1000)) << i;
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "gmrf/robust_spread.hpp"
 #include "gmrf/window.hpp"
+#include "rbpf_core/smoothing/seabed_model.hpp"
 
 namespace rbpf_core::smoothing {
 
@@ -17,11 +18,7 @@ constexpr double kBeamsInCell = 8.0;
 // The field: over what distance depths are alike.
 constexpr double kLengthscale_m = 25.0;
 // A node counts as seen if beams of so much weight, in beams, are around it.
-constexpr double kSeen = 0.4;
-// Smallest deviation that a beam is believed to have about a map, m.
-constexpr double kLeastNoise_m = 0.05;
-// Beams are weighted down that lie further off than so many deviations.
-constexpr double kOutlier = 2.0;
+constexpr float kSeen = 0.4F;
 constexpr int kSolves = 3;
 // Nodes around the beams that the field has in addition.
 constexpr int kMargin = 2;
@@ -50,52 +47,40 @@ double spacingFor(const Beams& beams_m) {
 LocalMap::LocalMap(const Beams& beams_m) {
   if (beams_m.cols() == 0) return;
   spacing_m_ = spacingFor(beams_m);
-  const auto n = static_cast<std::size_t>(beams_m.cols());
+  const Plane plane(beams_m);
   std::vector<gmrf::CellPlace> places;
-  std::vector<double> depth_m;
+  Eigen::VectorXd off_m(beams_m.cols());  // the plane
   for (Eigen::Index b = 0; b < beams_m.cols(); ++b) {
     places.push_back(gmrf::cellOf(beams_m(0, b), beams_m(1, b), spacing_m_));
-    depth_m.push_back(beams_m(2, b));
-  }
-  const auto asVector = [](const std::vector<double>& values) {
-    return Eigen::VectorXd::Map(values.data(), static_cast<Eigen::Index>(values.size()));
-  };
-  const double level_m = gmrf::median(asVector(depth_m));
-  double spread2 = 0.0;
-  for (double& z : depth_m) {
-    z -= level_m;
-    spread2 += z * z / static_cast<double>(n);
+    off_m(b) = beams_m(2, b) - plane.at(beams_m(0, b), beams_m(1, b));
   }
   const gmrf::Window window(places, kMargin);
   gmrf::Model model;
   model.spacing_m = spacing_m_;
   model.lengthscale_m = std::max(kLengthscale_m, 10.0 * spacing_m_);
-  model.outputscale_m2 = std::max(spread2, 0.1);
+  model.outputscale_m2 = fieldVariance(places, off_m, model);
 
-  std::vector<double> weights(n, 1.0);
+  Eigen::VectorXd weights = Eigen::VectorXd::Ones(beams_m.cols());
   noise_std_m_ = kLeastNoise_m;
   Eigen::VectorXd field;
   for (int solve = 0; solve < kSolves; ++solve) {
     gmrf::TiledSums sums;
-    for (std::size_t b = 0; b < n; ++b) sums.add(places[b], depth_m[b], weights[b]);
+    for (Eigen::Index b = 0; b < beams_m.cols(); ++b) sums.add(places[b], off_m(b), weights(b));
     gmrf::EnvelopeMatrix precision = priorPrecision(window, model);
     field = addData(window, sums, noise_std_m_ * noise_std_m_, &precision).information;
     precision.factorise();
     precision.solve(&field);
-    std::vector<double> residual(n);
-    for (std::size_t b = 0; b < n; ++b) {
+    Eigen::VectorXd residual_m(beams_m.cols());
+    for (Eigen::Index b = 0; b < beams_m.cols(); ++b) {
       const auto [i, j] = places[b].cell;
       const gmrf::CornerWeights phi = gmrf::cornerWeights(places[b].fx, places[b].fy);
       const double at =
           phi[0] * field(window.number({i, j})) + phi[1] * field(window.number({i, j + 1})) +
           phi[2] * field(window.number({i + 1, j})) + phi[3] * field(window.number({i + 1, j + 1}));
-      residual[b] = depth_m[b] - at;
+      residual_m(b) = off_m(b) - at;
     }
-    noise_std_m_ = std::max(kLeastNoise_m, gmrf::robustStd(asVector(residual)));
-    for (std::size_t b = 0; b < n; ++b) {
-      const double off = residual[b] / (kOutlier * noise_std_m_);
-      weights[b] = 1.0 / (1.0 + off * off);
-    }
+    noise_std_m_ = std::max(kLeastNoise_m, gmrf::robustStd(residual_m));
+    weights = residual_m.unaryExpr([this](double r) { return robustWeight(r, noise_std_m_); });
   }
 
   const auto [low, high] = gmrf::boundsOf(places);
@@ -103,22 +88,27 @@ LocalMap::LocalMap(const Beams& beams_m) {
   first_j_ = low.j;
   rows_ = high.i - low.i + 2;
   columns_ = high.j - low.j + 2;
-  seen_.assign(static_cast<std::size_t>(rows_) * columns_, 0.0);
+  seen_.assign(static_cast<std::size_t>(rows_) * columns_, 0.0F);
   for (const gmrf::CellPlace& place : places) {
     const gmrf::CornerWeights phi = gmrf::cornerWeights(place.fx, place.fy);
+    const auto add = [&](std::size_t node, double beams) {
+      seen_[node] += static_cast<float>(beams);
+    };
     const std::size_t at = static_cast<std::size_t>(place.cell.i - first_i_) * columns_ +
                            static_cast<std::size_t>(place.cell.j - first_j_);
-    seen_[at] += phi[0];
-    seen_[at + 1] += phi[1];
-    seen_[at + columns_] += phi[2];
-    seen_[at + columns_ + 1] += phi[3];
+    add(at, phi[0]);
+    add(at + 1, phi[1]);
+    add(at + columns_, phi[2]);
+    add(at + columns_ + 1, phi[3]);
   }
   z_m_.assign(seen_.size(), std::numeric_limits<float>::quiet_NaN());
   for (int i = 0; i < rows_; ++i) {
     for (int j = 0; j < columns_; ++j) {
       const std::size_t at = static_cast<std::size_t>(i) * columns_ + j;
       if (seen_[at] < kSeen) continue;
-      z_m_[at] = static_cast<float>(level_m + field(window.number({first_i_ + i, first_j_ + j})));
+      const gmrf::NodeIndex node{first_i_ + i, first_j_ + j};
+      z_m_[at] = static_cast<float>(plane.at(node.i * spacing_m_, node.j * spacing_m_) +
+                                    field(window.number(node)));
     }
   }
 }

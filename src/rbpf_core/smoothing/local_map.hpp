@@ -44,8 +44,8 @@ class LocalMap {
   double noise_std_m_ = 0.0;
   int first_i_ = 0, first_j_ = 0;  // node of z_m_[0]
   int rows_ = 0, columns_ = 0;
-  std::vector<float> z_m_;    // [rows, columns]; NaN where no beam has been
-  std::vector<double> seen_;  // [rows, columns]: beams around, by their shares
+  std::vector<float> z_m_;   // [rows, columns]; NaN where no beam has been
+  std::vector<float> seen_;  // [rows, columns]: beams around, by their shares
 };
 
 }  // namespace rbpf_core::smoothing

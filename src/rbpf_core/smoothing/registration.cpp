@@ -34,6 +34,8 @@ constexpr double kLeastBeams = 100;
 // RMS of the beams over the map's own noise.
 constexpr double kWorstFit = 2.5;
 constexpr double kGoodFit = 1.5;
+// A closure tells nothing if the direction that it knows best is known worse than so many cells.
+constexpr double kFlatCells = 2.0;
 // Floors of a closure's standard deviations, m and rad.
 constexpr double kLeastStd_m = 0.05;
 constexpr double kLeastStd_rad = 0.003;
@@ -156,7 +158,7 @@ class Registrar {
     if (best.rms_m > kWorstFit * map_.noise_std_m()) return Verdict::kBadFit;
     const Eigen::Matrix2d position = best.found.covariance.topLeftCorner<2, 2>();
     const double least2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(position).eigenvalues()(0);
-    if (std::sqrt(least2) > map_.spacing_m()) return Verdict::kFlat;
+    if (std::sqrt(least2) > kFlatCells * map_.spacing_m()) return Verdict::kFlat;
     for (const Place& other : places) {
       const Eigen::Vector3d d = difference(other.found.pose, best.found.pose);
       const bool same = squaredDistance(d, best.found.covariance) < kSame;

@@ -26,7 +26,7 @@ struct PingPlace {
 class Track {
  public:
   // Of a node's beams so many are kept.
-  static constexpr Eigen::Index kBeams = 600;
+  static constexpr Eigen::Index kBeams = 2400;
 
   explicit Track(double node_period_s) : node_period_s_(node_period_s) {}
 
