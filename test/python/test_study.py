@@ -2,13 +2,14 @@
 
 import dataclasses
 import itertools
+import json
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from bench.study import __main__ as command
-from bench.study import cases, contestants, figure8, figures, relief, replays, tables
+from bench.study import cases, compare, contestants, figure8, figures, relief, replays, tables
 from bench.study.targets import against_targets
 from rbpf_svgp_slam.parameters.known import complaints, default_parameters
 from rbpf_svgp_slam.run.run_files import save_run
@@ -116,6 +117,29 @@ def test_targets_are_held_against_all_runs_those_of_ratios_against_the_ones_with
     assert "final over the best peer, worst case (flat, submaps) | 1.1 | 5 |" in against_targets(
         rows, "gmrf100"
     )
+
+
+def test_a_change_is_worth_what_it_does_to_the_same_surveys(tmp_path, monkeypatch, capsys):
+    before = [row(seed=seed) for seed in (1, 2)] + [row(case="flat"), row(contestant="submaps")]
+    after = [row(seed=1, ate_rmse_m=0.5), row(seed=2, ate_rmse_m=2.0, nees=3.0), row(seed=3)]
+    after += [row(case="flat", ate_rmse_m=0.25)]
+    files = [tmp_path / "before.jsonl", tmp_path / "after.jsonl"]
+    for file, rows in zip(files, (before, after)):
+        file.write_text("".join(json.dumps(of_file) + "\n" for of_file in rows), encoding="utf-8")
+    monkeypatch.setattr("sys.argv", ["compare", *map(str, files)])
+    compare.main()
+    head, _, *lines = (
+        line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()
+    )
+    base, flat, together = (dict(zip(head, line)) for line in lines)
+    old = row()["ate_rmse_m"]
+    assert (base["case"], base["seeds"]) == ("base", "2")
+    assert float(base["final"]) == pytest.approx(1.0 / old, rel=1e-2)  # sqrt(0.5 * 2)
+    assert float(flat["final"]) == pytest.approx(0.25 / old, rel=1e-2)
+    assert (together["case"], together["seeds"]) == ("all", "3")
+    worst = row()["dr_ate_rmse_m"]
+    assert float(together["worst final over DR, after"]) == pytest.approx(2.0 / worst, rel=1e-2)
+    assert together["NEES above 2, after"] == "1"
 
 
 def test_relief_is_what_stands_out_of_the_plane():
