@@ -19,7 +19,7 @@ namespace {
 constexpr std::size_t kLeastPairBeams = 20;
 // The beams of a cell of the map share its error and the relief below its grid: they count as so
 // many independent ones, as a share of a window's effective beams.
-constexpr double kShareOfCell = 0.05;
+constexpr double kShareOfCell = 0.025;
 // Errors that all beams of a pair share: of the depth, m; of either sonar's roll, rad.
 constexpr double kDepthError_m = 0.06;
 constexpr double kRollError_rad = 0.001;
