@@ -17,7 +17,7 @@ from bench.peers.peer_runs import PEERS
 from bench.study import figures, tables
 from bench.study.cases import Case, cases
 from bench.study.contestants import CONTESTANTS, overlay
-from bench.study.replays import RunFailed, make_survey, replay, run_peer
+from bench.study.replays import RunFailed, key_of, make_survey, replay, rows_in, run_peer
 from bench.study.targets import against_targets
 from rbpf_svgp_slam import cpu
 from rbpf_svgp_slam.simulation import SurveyError
@@ -78,12 +78,7 @@ class Study:
         self._contestants = contestants
         self._file = out / "rows.jsonl"
         self._lock = Lock()
-        lines = self._file.read_text(encoding="utf-8").splitlines() if self._file.is_file() else []
-        self._known = {self._key(row): row for row in map(json.loads, lines)}
-
-    @staticmethod
-    def _key(row: dict[str, Any]) -> tuple[str, int, str]:
-        return row["case"], row["seed"], row["contestant"]
+        self._known = rows_in(self._file)
 
     def run(self, case: Case, seed: int) -> str:
         """What has still to be run on this survey; returns what failed, if anything did.
@@ -109,7 +104,7 @@ class Study:
     def _keep(self, row: dict[str, Any]) -> None:
         with self._lock, self._file.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
-            self._known[self._key(row)] = row
+            self._known[key_of(row)] = row
             print(json.dumps(row), flush=True)
 
     def rows(self, surveys: list[tuple[Case, int]]) -> list[dict[str, Any]]:

@@ -7,13 +7,12 @@ geometric means of a case's seeds; and how far off the worst seed is.
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from scipy.stats import gmean
 
-from bench.study.replays import ratio
+from bench.study.replays import ratio, rows_in
 from bench.study.tables import of_known
 from bench.svgp.in_process import markdown
 
@@ -26,10 +25,10 @@ ERRORS = {
 }
 
 
-def compared(before: list[Row], after: list[Row]) -> str:
+def compared(before: Path, after: Path) -> str:
     """A table in Markdown, by contestant and case, and a contestant's cases together."""
-    known = {_key(row): row for row in before}
-    pairs = [(known[_key(row)], row) for row in after if _key(row) in known]
+    known = rows_in(before)
+    pairs = [(known[key], row) for key, row in rows_in(after).items() if key in known]
     rows = []
     for contestant in dict.fromkeys(row["contestant"] for _, row in pairs):
         mine = [(old, new) for old, new in pairs if new["contestant"] == contestant]
@@ -38,10 +37,6 @@ def compared(before: list[Row], after: list[Row]) -> str:
             rows.append({"contestant": contestant, "case": case, **_summary(of_case)})
         rows.append({"contestant": contestant, "case": "all", **_summary(mine)})
     return markdown(rows)
-
-
-def _key(row: Row) -> tuple[str, int, str]:
-    return row["case"], row["seed"], row["contestant"]
 
 
 def _summary(pairs: list[tuple[Row, Row]]) -> Row:
@@ -63,12 +58,10 @@ def main() -> None:
     parser.add_argument("before", type=Path, metavar="BEFORE")
     parser.add_argument("after", type=Path, metavar="AFTER")
     arguments = parser.parse_args()
-    files = (arguments.before, arguments.after)
-    before, after = (
-        [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-        for path in files
-    )
-    print(compared(before, after))
+    for file in (arguments.before, arguments.after):
+        if not file.is_file():
+            parser.error(f"{file} is not there; expected a study's rows.jsonl")
+    print(compared(arguments.before, arguments.after))
 
 
 if __name__ == "__main__":

@@ -103,6 +103,17 @@ def _drop_large_files(folder: Path) -> None:
             path.unlink()
 
 
+def rows_in(file: Path) -> dict[tuple[str, int, str], dict[str, Any]]:
+    """The rows of a study's file by their keys; none where it is not there."""
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    return {key_of(row): row for row in map(json.loads, lines)}
+
+
+def key_of(row: dict[str, Any]) -> tuple[str, int, str]:
+    """Case, seed and contestant: of these a study has one run."""
+    return row["case"], row["seed"], row["contestant"]
+
+
 def ratio(row: dict[str, Any], name: str, other: str) -> float:
     """Of two fields; NaN where either is missing."""
     if row[name] is None or not row[other]:

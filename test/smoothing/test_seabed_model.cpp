@@ -91,7 +91,7 @@ TEST(FieldVariance, IsThatOfTheDifferences) {
 TEST(FieldVariance, OfNoiseAloneIsNextToNothing) {
   for (const double noise_std_m : {0.05, 0.2}) {
     const Beams beams = beamsOn(Seabed::slope(0.1, 0.05), 24000, {noise_std_m, 0.0});
-    // As above: 2 % of 2 s^2 / 10, over 2 (1 - rho) = 0.07 of 2 m, thrice.
+    // As above: 2 % of 2 s^2 / 10, over 2 (1 - rho) = 0.11 of 2 m, five times.
     EXPECT_LT(varianceOf(beams, cellsOf1m()), 0.2 * noise_std_m * noise_std_m) << noise_std_m;
   }
 }
