@@ -15,7 +15,7 @@ constexpr int kFits = 4;
 // Of each coefficient of the plane, over a beam's precision: beams on a line do not tell a slope.
 constexpr double kRidge = 1e-6;
 // Beams of a cell that make a difference: few are hardly better than their noise.
-constexpr int kLeastBeams = 3;
+constexpr int kLeastInCell = 3;
 // Cells between which depths are compared; nearer ones are alike, and there are more errors.
 constexpr std::int32_t kLag = 2;
 // Pairs of cells without which differences tell nothing.
@@ -76,11 +76,11 @@ double fieldVariance(const std::vector<gmrf::CellPlace>& places, const Eigen::Ve
   double difference_m2 = 0.0;
   int pairs = 0;
   for (const auto& [at, cell] : cells) {
-    if (cell.n < kLeastBeams) continue;
+    if (cell.n < kLeastInCell) continue;
     for (const auto& beside :
          {std::pair{at.first + kLag, at.second}, {at.first, at.second + kLag}}) {
       const auto other = cells.find(beside);
-      if (other == cells.end() || other->second.n < kLeastBeams) continue;
+      if (other == cells.end() || other->second.n < kLeastInCell) continue;
       const double d_m = other->second.mean_m - cell.mean_m;
       difference_m2 += d_m * d_m - beam_m2 * (1.0 / cell.n + 1.0 / other->second.n);
       ++pairs;
