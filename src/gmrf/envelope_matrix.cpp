@@ -9,9 +9,22 @@ namespace gmrf {
 
 namespace {
 
+// Columns that are taken off those that follow at once: these are then read and written once.
+constexpr int kPanel = 4;
+
 // y += a x and y . x, of n numbers that do not overlap.
 void addTo(double* __restrict y, double a, const double* __restrict x, int n) {
   for (int i = 0; i < n; ++i) y[i] += a * x[i];
+}
+
+// y += X a, of a panel's columns X, each `stride` after the one before, one after the other.
+void addTo(double* __restrict y, const double (&a)[kPanel], const double* __restrict x,
+           std::ptrdiff_t stride, int n) {
+  static_assert(kPanel == 4);
+  for (int i = 0; i < n; ++i) {
+    y[i] = y[i] + a[0] * x[i] + a[1] * x[i + stride] + a[2] * x[i + 2 * stride] +
+           a[3] * x[i + 3 * stride];
+  }
 }
 
 double dot(const double* y, const double* x, int n) {
@@ -35,18 +48,36 @@ EnvelopeMatrix::EnvelopeMatrix(const std::vector<int>& envelope) {
   values_.assign(static_cast<std::size_t>(stored), 0.0);
 }
 
-// Column by column: each is taken off all that follow.
+// Panel by panel: each is taken off all that follow.
 void EnvelopeMatrix::factorise() {
-  for (int c = 0; c < size(); ++c) {
-    double* L = column(c);
-    const int m = below(c);
-    if (!(L[0] > 0.0)) {
-      throw std::domain_error("precision is not positive definite at node " + std::to_string(c));
+  std::vector<double> panel;
+  for (int first = 0; first < size(); first += kPanel) {
+    const int after = std::min(first + kPanel, size());
+    for (int c = first; c < after; ++c) {
+      double* L = column(c);
+      if (!(L[0] > 0.0)) {
+        throw std::domain_error("precision is not positive definite at node " + std::to_string(c));
+      }
+      L[0] = std::sqrt(L[0]);
+      const double inverse = 1.0 / L[0];
+      for (int k = 1; k <= below(c); ++k) L[k] *= inverse;
+      for (int r = c + 1; r < std::min(after, last_[c] + 1); ++r) {
+        addTo(column(r), -L[r - c], L + (r - c), last_[c] - r + 1);
+      }
     }
-    L[0] = std::sqrt(L[0]);
-    const double inverse = 1.0 / L[0];
-    for (int k = 1; k <= m; ++k) L[k] *= inverse;
-    for (int k = 1; k <= m; ++k) addTo(column(c + k), -L[k], L + k, m - k + 1);
+    // What lies below the panel, with zeros where its columns end before the last one.
+    const int rows = last_[after - 1] - after + 1;
+    if (rows == 0) continue;
+    panel.assign(static_cast<std::size_t>(kPanel) * rows, 0.0);
+    for (int p = 0; p < kPanel; ++p) {
+      const double* L = column(first + p);
+      std::copy(L + std::min(after - first - p, below(first + p) + 1), L + below(first + p) + 1,
+                panel.data() + static_cast<std::ptrdiff_t>(p) * rows);
+    }
+    for (int k = 0; k < rows; ++k) {
+      const double* x = panel.data() + k;
+      addTo(column(after + k), {-x[0], -x[rows], -x[2 * rows], -x[3 * rows]}, x, rows, rows - k);
+    }
   }
 }
 

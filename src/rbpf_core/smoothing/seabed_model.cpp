@@ -2,8 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <map>
-#include <utility>
+#include <cstddef>
 
 #include "gmrf/robust_spread.hpp"
 
@@ -17,7 +16,7 @@ constexpr double kRidge = 1e-6;
 // Beams of a cell that make a difference: few are hardly better than their noise.
 constexpr int kLeastInCell = 3;
 // Cells between which depths are compared; nearer ones are alike, and there are more errors.
-constexpr std::int32_t kLag = 2;
+constexpr std::size_t kLag = 2;
 // Pairs of cells without which differences tell nothing.
 constexpr int kLeastPairs = 20;
 // The least variance of a field, m^2; and the least if it is not known from differences.
@@ -59,14 +58,18 @@ Plane::Plane(const Beams& beams_m)
 
 double fieldVariance(const std::vector<gmrf::CellPlace>& places, const Eigen::VectorXd& depth_m,
                      const gmrf::Model& model) {
-  std::map<std::pair<std::int32_t, std::int32_t>, CellSums> cells;
+  const auto [low, high] = gmrf::boundsOf(places);
+  const auto columns = static_cast<std::size_t>(high.j - low.j + 1);
+  std::vector<CellSums> cells(static_cast<std::size_t>(high.i - low.i + 1) * columns);
   for (std::size_t b = 0; b < places.size(); ++b) {
     const auto [i, j] = places[b].cell;
-    cells[{i, j}].add(depth_m(static_cast<Eigen::Index>(b)));
+    cells[static_cast<std::size_t>(i - low.i) * columns + static_cast<std::size_t>(j - low.j)].add(
+        depth_m(static_cast<Eigen::Index>(b)));
   }
   double squares_m2 = 0.0;
   int freedom = 0;
-  for (const auto& [at, cell] : cells) {
+  for (const CellSums& cell : cells) {
+    if (cell.n == 0) continue;
     squares_m2 += cell.squares_m2;
     freedom += cell.n - 1;
   }
@@ -75,16 +78,16 @@ double fieldVariance(const std::vector<gmrf::CellPlace>& places, const Eigen::Ve
 
   double difference_m2 = 0.0;
   int pairs = 0;
-  for (const auto& [at, cell] : cells) {
-    if (cell.n < kLeastInCell) continue;
-    for (const auto& beside :
-         {std::pair{at.first + kLag, at.second}, {at.first, at.second + kLag}}) {
-      const auto other = cells.find(beside);
-      if (other == cells.end() || other->second.n < kLeastInCell) continue;
-      const double d_m = other->second.mean_m - cell.mean_m;
-      difference_m2 += d_m * d_m - beam_m2 * (1.0 / cell.n + 1.0 / other->second.n);
-      ++pairs;
-    }
+  const auto compare = [&](const CellSums& cell, const CellSums& other) {
+    if (other.n < kLeastInCell) return;
+    const double d_m = other.mean_m - cell.mean_m;
+    difference_m2 += d_m * d_m - beam_m2 * (1.0 / cell.n + 1.0 / other.n);
+    ++pairs;
+  };
+  for (std::size_t at = 0; at < cells.size(); ++at) {
+    if (cells[at].n < kLeastInCell) continue;
+    if (at + kLag * columns < cells.size()) compare(cells[at], cells[at + kLag * columns]);
+    if (at % columns + kLag < columns) compare(cells[at], cells[at + kLag]);
   }
   if (pairs < kLeastPairs) {
     return std::max(kLeastSpread_m2, depth_m.squaredNorm() / static_cast<double>(depth_m.size()));

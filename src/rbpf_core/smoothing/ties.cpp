@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 #include <utility>
 
 #include "gmrf/robust_spread.hpp"
@@ -52,11 +51,6 @@ double aside(const Pose2& pose, const Eigen::Vector2d& place_m) {
          std::cos(pose.yaw_rad) * (place_m.y() - pose.y_m);
 }
 
-double along(const Pose2& pose, const Eigen::Vector2d& place_m) {
-  return std::cos(pose.yaw_rad) * (place_m.x() - pose.x_m) +
-         std::sin(pose.yaw_rad) * (place_m.y() - pose.y_m);
-}
-
 class Pairs {
  public:
   explicit Pairs(const LaidWindow& laid)
@@ -66,7 +60,10 @@ class Pairs {
         beams_of_cell_(kShareOfCell * laid.effective_beams) {
     const Track::Range& range = laid.around_k;
     for (std::size_t m = range.first; m < range.last; ++m) {
-      older_.push_back(relative(laid.poses[laid.k], laid.poses[m]));
+      const Pose2 pose = relative(laid.poses[laid.k], laid.poses[m]);
+      older_.push_back(pose);
+      ahead_.emplace_back(std::cos(pose.yaw_rad), std::sin(pose.yaw_rad));
+      ahead_m_.push_back(ahead_.back().dot(Eigen::Vector2d(pose.x_m, pose.y_m)));
     }
   }
 
@@ -117,7 +114,7 @@ class Pairs {
     std::size_t owner = 0;
     double least_m = std::numeric_limits<double>::infinity();
     for (std::size_t m = 0; m < older_.size(); ++m) {
-      const double off_m = std::abs(along(older_[m], place_m));
+      const double off_m = std::abs(ahead_[m].dot(place_m) - ahead_m_[m]);
       if (off_m >= least_m) continue;
       least_m = off_m;
       owner = m;
@@ -140,7 +137,7 @@ class Pairs {
     double residual = 0.0;
     double weight = 0.0;
     double trust = 0.0;
-    std::set<std::pair<int, int>> cells;
+    std::vector<std::pair<int, int>> cells;
     const double spacing_m = laid_.map.spacing_m();
     for (const Hit& hit : hits) {
       const double off = (hit.residual_m - level_m) / std_m;
@@ -152,13 +149,15 @@ class Pairs {
       middle_m += w * hit.place_m;
       weight += w;
       trust += hit.trust;
-      cells.insert({static_cast<int>(std::floor(hit.place_m.x() / spacing_m)),
-                    static_cast<int>(std::floor(hit.place_m.y() / spacing_m))});
+      cells.emplace_back(std::floor(hit.place_m.x() / spacing_m),
+                         std::floor(hit.place_m.y() / spacing_m));
     }
+    std::sort(cells.begin(), cells.end());
+    const auto touched = std::unique(cells.begin(), cells.end()) - cells.begin();
     middle_m /= weight;
     sums.variance_m2 = std_m * std_m + kMapError_m * kMapError_m;
     const double beams =
-        std::min(beams_of_cell_ * static_cast<double>(cells.size()), static_cast<double>(n));
+        std::min(beams_of_cell_ * static_cast<double>(touched), static_cast<double>(n));
     sums.beams_per_weight = beams * trust / static_cast<double>(n) / weight;
     // A depth error common to all: a fourth unknown, with a prior, by the Schur complement.
     const double roll2 =
@@ -202,7 +201,10 @@ class Pairs {
   const Pose2 found_;
   const double arm2_m2_;
   const double beams_of_cell_;
-  std::vector<Pose2> older_;  // in node k's frame
+  // In node k's frame; the directions that they look in, and how far they are along these.
+  std::vector<Pose2> older_;
+  std::vector<Eigen::Vector2d> ahead_;
+  std::vector<double> ahead_m_;
 };
 
 }  // namespace
