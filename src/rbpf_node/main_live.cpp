@@ -20,13 +20,26 @@ namespace {
 
 // Messages; a busy moment must lose nothing.
 constexpr std::uint32_t kInputQueue = 10000;
+// Of the first message, for /clock under simulated time; ROS' own thread receives it.
+constexpr double kClockPatience_s = 5.0;
+
+// The time of a message that has just come. A bag's first one may overtake /clock: without a time
+// of its receipt nobody could tell that its stamp is wrong.
+double receiptTime() {
+  static const bool has_clock = ros::Time::waitForValid(ros::WallDuration(kClockPatience_s));
+  if (!has_clock) {
+    ROS_WARN_ONCE("use_sim_time is set, but no /clock has come within %.0f s: stamps are trusted.",
+                  kClockPatience_s);
+  }
+  return ros::Time::now().toSec();
+}
 
 // Messages of any type: the door knows which are understood.
 ros::Subscriber subscribe(ros::NodeHandle node, const std::string& topic, rbpf_core::InputKind kind,
                           rbpf_node::Door* door) {
   return node.subscribe<topic_tools::ShapeShifter>(
       topic, kInputQueue, [kind, door](const topic_tools::ShapeShifter::ConstPtr& message) {
-        door->takeIn(kind, rbpf_node::rawMessage(*message), ros::Time::now().toSec());
+        door->takeIn(kind, rbpf_node::rawMessage(*message), receiptTime());
       });
 }
 
@@ -34,7 +47,7 @@ ros::Subscriber subscribeInitialPose(ros::NodeHandle node, rbpf_node::Door* door
   using geometry_msgs::PoseWithCovarianceStamped;
   return node.subscribe<PoseWithCovarianceStamped>(
       "initialpose", 10, [door](const PoseWithCovarianceStamped::ConstPtr& message) {
-        door->takeInitialPose(*message, ros::Time::now().toSec());
+        door->takeInitialPose(*message, receiptTime());
       });
 }
 
