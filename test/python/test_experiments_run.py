@@ -48,7 +48,8 @@ def run(name, tmp_path_factory, *options, **overlay):
 
 @pytest.fixture(scope="module")
 def mapping(tmp_path_factory):
-    return run("exp1", tmp_path_factory, "--scale", "0.01", "--only", *ROWS)
+    options = ("--scale", "0.01", "--only", *ROWS)
+    return run("exp1", tmp_path_factory, *options, output=UNDRAWN)
 
 
 @pytest.fixture(scope="module")
