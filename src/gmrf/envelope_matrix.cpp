@@ -67,7 +67,7 @@ void EnvelopeMatrix::factorise() {
     }
     // What lies below the panel, with zeros where its columns end before the last one.
     const int rows = last_[after - 1] - after + 1;
-    if (rows == 0) continue;
+    if (rows == 0) continue;  // always so of the last panel, which may have fewer columns
     panel.assign(static_cast<std::size_t>(kPanel) * rows, 0.0);
     for (int p = 0; p < kPanel; ++p) {
       const double* L = column(first + p);

@@ -37,7 +37,7 @@ class Plane {
 
 // The outputscale, m^2, of a field of the model's lengthscale that differs as much between places
 // two cells apart as these depths do, beams' noise left out. Of few beams to a cell the variance
-// of the depths.
+// of the depths. There is a beam.
 double fieldVariance(const std::vector<gmrf::CellPlace>& places, const Eigen::VectorXd& depth_m,
                      const gmrf::Model& model);
 

@@ -63,7 +63,6 @@ class Pairs {
       const Pose2 pose = relative(laid.poses[laid.k], laid.poses[m]);
       older_.push_back(pose);
       ahead_.emplace_back(std::cos(pose.yaw_rad), std::sin(pose.yaw_rad));
-      ahead_m_.push_back(ahead_.back().dot(Eigen::Vector2d(pose.x_m, pose.y_m)));
     }
   }
 
@@ -114,7 +113,8 @@ class Pairs {
     std::size_t owner = 0;
     double least_m = std::numeric_limits<double>::infinity();
     for (std::size_t m = 0; m < older_.size(); ++m) {
-      const double off_m = std::abs(ahead_[m].dot(place_m) - ahead_m_[m]);
+      const double off_m =
+          std::abs(ahead_[m].dot(place_m - Eigen::Vector2d(older_[m].x_m, older_[m].y_m)));
       if (off_m >= least_m) continue;
       least_m = off_m;
       owner = m;
@@ -201,10 +201,9 @@ class Pairs {
   const Pose2 found_;
   const double arm2_m2_;
   const double beams_of_cell_;
-  // In node k's frame; the directions that they look in, and how far they are along these.
+  // In node k's frame, and the directions that they look in.
   std::vector<Pose2> older_;
   std::vector<Eigen::Vector2d> ahead_;
-  std::vector<double> ahead_m_;
 };
 
 }  // namespace
